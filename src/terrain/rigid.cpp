@@ -1,0 +1,98 @@
+#include "terrain/rigid.h"
+
+#include <cmath>
+
+#include "wheel/body.h"
+
+namespace terrode::terrain {
+
+Problems RigidGroundParams::validate() const {
+  Problems p;
+  require(p, "stiffness", stiffness, "N/m", stiffness > 0, "a stiffness above 0");
+  require(p, "damping", damping, "N s/m", damping >= 0, "a damping of 0 or more");
+  require(p, "friction", friction, "-", friction >= 0, "a coefficient of 0 or more");
+  require(p, "sliding_scale", sliding_scale, "m/s", sliding_scale > 0, "a velocity above 0");
+  require(p, "height", height, "m", true, "a height");
+  return p;
+}
+
+RigidTerrain::RigidTerrain(const RigidGroundParams& params) : params_(params) { throw_if_any(params.validate()); }
+
+BodyId RigidTerrain::add_body(std::shared_ptr<const wheel::Body> shape) {
+  if (!shape) throw InputError("rigid ground: no shape given for a body");
+  shapes_.push_back(std::move(shape));
+  patches_.emplace_back();
+  patches_.back().reserve(1);
+  return static_cast<BodyId>(shapes_.size()) - 1;
+}
+
+void RigidTerrain::check_body(BodyId body) const {
+  if (body < 0 || static_cast<std::size_t>(body) >= shapes_.size())
+    throw InputError("rigid ground: there is no body " + std::to_string(body));
+}
+
+void RigidTerrain::begin_step(double t, double h) {
+  if (!std::isfinite(t) || !std::isfinite(h) || h <= 0) throw InputError("rigid ground: a step needs a finite length above 0");
+  if (in_step_) throw RunError("rigid ground: a step was begun before the last one ended");
+  in_step_ = true;
+}
+
+void RigidTerrain::set_motion(BodyId body, const Pose& pose, const Twist& twist) {
+  check_body(body);
+  require_finite(pose, twist, "rigid ground");
+}
+
+ContactResult RigidTerrain::wrench(BodyId body, const Pose& pose, const Twist& twist) {
+  check_body(body);
+  if (!in_step_) throw RunError("rigid ground: a wrench was asked for outside a step");
+  require_finite(pose, twist, "rigid ground");
+  auto& patch = patches_[static_cast<std::size_t>(body)];
+  patch.clear();
+  ContactResult r;
+  const Vec3 arm = pose.R_WB * shapes_[static_cast<std::size_t>(body)]->support(pose.R_WB.conjugate() * -Vec3::UnitZ());
+  const double depth = params_.height - (pose.p_W.z() + arm.z());
+  if (depth <= 0) return r;
+  const Vec3 v = twist.v_W + twist.w_W.cross(arm);
+  const double spring = params_.stiffness * depth;
+  const double push = spring - params_.damping * v.z();
+  r.max_sinkage = depth;
+  r.stored_energy = 0.5 * params_.stiffness * depth * depth;
+  if (push <= 0) return r;
+  const Vec3 slide(v.x(), v.y(), 0.0);
+  const double speed = slide.norm();
+  Vec3 F(0.0, 0.0, push);
+  if (speed > 0) F -= slide * (params_.friction * push * std::tanh(speed / params_.sliding_scale) / speed);
+  r.wrench.F_W = F;
+  r.wrench.M_W = arm.cross(F);
+  r.stiffness(2, 2) = params_.stiffness;
+  r.damping(2, 2) = params_.damping;
+  r.slip_power = -F.dot(slide);
+  r.damping_power = params_.damping * v.z() * v.z();
+  r.contact_count = 1;
+  PatchNode node;
+  node.p_W = pose.p_W + arm;
+  node.n_W = -Vec3::UnitZ();
+  node.sinkage = depth;
+  patch.push_back(node);
+  return r;
+}
+
+void RigidTerrain::end_step() {
+  if (!in_step_) throw RunError("rigid ground: a step was ended that was not begun");
+  in_step_ = false;
+}
+
+std::vector<PatchNode> RigidTerrain::patch(BodyId body) const {
+  check_body(body);
+  return patches_[static_cast<std::size_t>(body)];
+}
+
+std::vector<std::uint8_t> RigidTerrain::snapshot() const { return {'r', 'i', 'g', 'i', 'd'}; }
+
+void RigidTerrain::restore(std::span<const std::uint8_t> bytes) {
+  const auto own = snapshot();
+  if (!std::equal(bytes.begin(), bytes.end(), own.begin(), own.end()))
+    throw InputError("rigid ground: the snapshot is of another ground");
+}
+
+}  // namespace terrode::terrain
