@@ -1,0 +1,60 @@
+#include "scenario/section.h"
+
+namespace terrode::scenario {
+namespace {
+
+Table<RigSpec> rig_table() {
+  using bekker::SlipConvention;
+  const std::vector<std::string> conventions = {bekker::slip_convention_text(SlipConvention::wong_reece),
+                                                bekker::slip_convention_text(SlipConvention::driving_braking),
+                                                bekker::slip_convention_text(SlipConvention::printed)};
+  Table<RigSpec> t;
+  t.number("normal_load", "N", above(0), &RigSpec::normal_load, "vertical load on the soil, the wheel's weight included")
+      .number("angular_velocity", "rad/s", above(0), &RigSpec::angular_velocity, "of the wheel")
+      .choice("slip_convention", conventions, &RigSpec::slip_convention, "what every slip of this file means")
+      .choice("mode", {"imposed_slip", "imposed_pull", "towed"}, &RigSpec::mode, "what the rig imposes")
+      .number("slip", "-", any_number(), &RigSpec::slip, "of a single run")
+      .number("pull", "N", any_number(), &RigSpec::pull, "drawbar pull of mode imposed_pull")
+      .number("travel", "m", above(0), &RigSpec::travel, "length of a run")
+      .number("ramp", "s", above(0), &RigSpec::ramp, "time in which load and speeds rise")
+      .number("time_step", "s", {0, 0.1, true, false}, &RigSpec::time_step, "of the multibody simulation")
+      .number("gravity", "m/s^2", above(0), &RigSpec::gravity, "of the place");
+  return t;
+}
+
+Table<TerrainSpec> terrain_table() {
+  Table<TerrainSpec> t;
+  t.number("node_spacing", "m", {0, 1, true, false}, &TerrainSpec::node_spacing, "distance of the soil nodes along the travel");
+  return t;
+}
+
+}  // namespace
+
+Section rig_section() {
+  Section section;
+  section.name = "rig";
+  section.required = true;
+  section.read = [](const Node& node, const std::string& key, Source& source, Scenario& out) {
+    MapReader map(node, key, source);
+    rig_table().read(map, out.rig);
+    if (!map.has("angular_velocity") && node.kind == Node::Kind::map)
+      source.note(node, key + ".angular_velocity", "is absent: 0.3 rad/s assumed");
+  };
+  section.write = [](const Scenario& in) { return rig_table().write(in.rig); };
+  section.schema = [] { return rig_table().schema(); };
+  return section;
+}
+
+Section terrain_section() {
+  Section section;
+  section.name = "terrain";
+  section.read = [](const Node& node, const std::string& key, Source& source, Scenario& out) {
+    MapReader map(node, key, source);
+    terrain_table().read(map, out.terrain);
+  };
+  section.write = [](const Scenario& in) { return terrain_table().write(in.terrain); };
+  section.schema = [] { return terrain_table().schema(); };
+  return section;
+}
+
+}  // namespace terrode::scenario

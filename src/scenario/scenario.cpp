@@ -1,0 +1,289 @@
+#include "scenario/scenario.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+#include <set>
+#include <tuple>
+
+#include "core/units.h"
+#include "scenario/section.h"
+
+namespace terrode::scenario {
+namespace {
+
+namespace fs = std::filesystem;
+
+// One line a section, in the order in which they are read and written.
+std::vector<Section> sections() {
+  return {
+      wheel_section(),
+      soil_section(),
+      rig_section(),
+      terrain_section(),
+      effects_section(),
+      sweep_section(),
+      measured_section(),
+  };
+}
+
+void read_methods(MapReader& map, Scenario& out) {
+  const bool one = map.has("method"), many = map.has("methods");
+  if (one && many) map.source().problem(map.node(), map.key("method"), "stands beside methods", "one of the two");
+  if (one)
+    if (const auto m = map.choice("method", method_names())) out.methods = {*m};
+  for (const auto& [key, item] : map.items("methods"))
+    if (const auto m = read_choice(*item, key, method_names(), map.source())) out.methods.push_back(*m);
+}
+
+// The convention is known only when the rig has been read, so slips of the measured points are turned afterwards.
+void convert_measured_slips(const Node& root, Source& source, Scenario& out) {
+  if (!out.measured || out.from_recording) return;
+  const auto convention = out.slip_convention();
+  for (recording::Run& run : out.measured->runs) {
+    try {
+      run.condition.slip = bekker::to_wong_reece(run.condition.slip, convention);
+    } catch (const InputError& e) {
+      const std::string key = run.id + ".slip";
+      const Node* at = root.at(key);
+      for (const Problem& p : e.problems()) source.problem(at ? *at : root, key, p.message, p.expected);
+    }
+  }
+}
+
+void check_slips(const Node& root, Source& source, const Scenario& in) {
+  const auto convention = in.slip_convention();
+  const auto check = [&](double slip, const std::string& key) {
+    try {
+      bekker::to_wong_reece(slip, convention);
+    } catch (const InputError& e) {
+      const Node* at = root.at(key);
+      for (const Problem& p : e.problems()) source.problem(at ? *at : root, key, p.message, p.expected);
+    }
+  };
+  for (std::size_t i = 0; i < in.slips.size(); ++i)
+    check(in.slips[i], root.at("sweep.slips[0]") ? fmt::format("sweep.slips[{}]", i) : "sweep.slips");
+  for (std::size_t i = 0; i < in.conditions.size(); ++i)
+    check(in.conditions[i].slip, fmt::format("sweep.conditions[{}].slip", i));
+  check(in.rig.slip, "rig.slip");
+}
+
+Scenario read_root(const Node& root, Source& source) {
+  Scenario out;
+  out.file = source.file;
+  MapReader map(root, "", source);
+  map.know("format");
+  if (const auto title = map.text("title")) out.title = *title;
+  if (const auto seed = map.integer("seed", 0, 2147483647)) out.seed = static_cast<int>(*seed);
+  read_methods(map, out);
+  for (const Section& section : sections()) {
+    if (section.required) map.need(section.name);
+    if (const Node* node = section.required || map.has(section.name) ? root.find(section.name) : nullptr) {
+      if (node->kind == Node::Kind::null) {
+        if (!section.required) map.find(section.name);
+        continue;
+      }
+      section.read(*node, section.name, source, out);
+    }
+  }
+  map.finish();
+  if (source.problems.empty()) {
+    check_slips(root, source, out);
+    convert_measured_slips(root, source, out);
+  }
+  out.notes = source.notes;
+  return out;
+}
+
+}  // namespace
+
+const std::vector<std::string>& method_names() {
+  static const std::vector<std::string> names = {"steady", "node-spring", "dem", "mpi"};
+  return names;
+}
+
+const std::vector<double>& default_slips() {
+  static const std::vector<double> slips = {-0.7, -0.5, -0.3, -0.1, 0.0, 0.1, 0.3, 0.5, 0.7};
+  return slips;
+}
+
+std::string beside(const std::string& file, const std::string& path) {
+  const fs::path p(path);
+  return p.is_absolute() ? path : (fs::path(file).parent_path() / p).string();
+}
+
+void inline_or_file(const Node& node, const std::string& key, Source& source,
+                    const std::function<void(const Node&, const std::string&, Source&)>& read) {
+  if (node.kind != Node::Kind::scalar) return read(node, key, source);
+  const std::string path = beside(source.file, node.text);
+  try {
+    const Node root = read_yaml(path);
+    Source below{path, {}, {}};
+    read(root, "", below);
+    source.problems.insert(source.problems.end(), below.problems.begin(), below.problems.end());
+    source.notes.insert(source.notes.end(), below.notes.begin(), below.notes.end());
+  } catch (const InputError& e) {
+    if (e.problems().size() == 1 && e.problems().front().line == 0) {
+      source.problem(node, key, fmt::format("names the file '{}', which {}", path, e.problems().front().message));
+    } else {
+      source.problems.insert(source.problems.end(), e.problems().begin(), e.problems().end());
+    }
+  }
+}
+
+Scenario parse_scenario(const std::string& text, const std::string& file) {
+  const Node root = parse_yaml(text, file);
+  Source source{file, {}, {}};
+  Scenario out = read_root(root, source);
+  throw_if_any(source.problems);
+  out.text = text;
+  return out;
+}
+
+Scenario load_scenario(const std::string& path) {
+  return parse_scenario(read_text_file(path, ReadLimits{}.bytes), path);
+}
+
+std::string to_yaml(const Scenario& in) {
+  Node root = Node::map();
+  if (!in.title.empty()) root.set("title", Node::scalar(in.title));
+  if (!in.methods.empty()) {
+    Node& list = root.set("methods", Node::sequence());
+    for (const std::string& m : in.methods) list.items.push_back(Node::scalar(m));
+  }
+  root.set("seed", Node::scalar(std::to_string(in.seed)));
+  for (const Section& section : sections())
+    if (auto value = section.write(in)) root.set(section.name, std::move(*value));
+  return to_yaml(root);
+}
+
+std::string scenario_schema() {
+  Json properties = Json::object(), required = Json::array();
+  properties["title"] = {{"type", "string"}};
+  properties["format"] = {{"type", "string"}};
+  properties["method"] = {{"enum", method_names()}, {"description", "one method, in place of methods"}};
+  properties["methods"] = {{"type", "array"}, {"items", {{"enum", method_names()}}}};
+  properties["seed"] = {{"type", "integer"}, {"minimum", 0}};
+  for (const Section& section : sections()) {
+    properties[section.name] = section.schema();
+    if (section.required) required.push_back(section.name);
+  }
+  const Json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
+                       {"title", "Terrode scenario"},
+                       {"type", "object"},
+                       {"additionalProperties", false},
+                       {"properties", properties},
+                       {"required", required}};
+  return schema.dump(2) + "\n";
+}
+
+bekker::SlipConvention Scenario::slip_convention() const {
+  const auto convention = bekker::parse_slip_convention(rig.slip_convention);
+  if (!convention) throw InputError({file, 0, 0, "rig.slip_convention", fmt::format("is '{}'", rig.slip_convention), "a known convention"});
+  return *convention;
+}
+
+std::vector<OperatingPoint> Scenario::operating_points() const {
+  if (conditions.empty()) return operating_points(slips.empty() ? default_slips() : slips);
+  std::vector<OperatingPoint> out;
+  for (const SweepCondition& c : conditions) {
+    const auto load = c.normal_load ? c.normal_load : rig.normal_load;
+    if (!load) throw InputError({file, 0, 0, "rig.normal_load", "is missing", {}});
+    out.push_back({bekker::to_wong_reece(c.slip, slip_convention()), c.slip, *load,
+                   c.angular_velocity.value_or(rig.angular_velocity), c.pass});
+  }
+  return out;
+}
+
+std::vector<OperatingPoint> Scenario::operating_points(const std::vector<double>& asked) const {
+  std::vector<std::tuple<double, double, int>> settings;
+  for (const SweepCondition& c : conditions) {
+    const auto load = c.normal_load ? c.normal_load : rig.normal_load;
+    if (!load) throw InputError({file, 0, 0, "rig.normal_load", "is missing", {}});
+    const std::tuple setting(*load, c.angular_velocity.value_or(rig.angular_velocity), c.pass);
+    if (std::find(settings.begin(), settings.end(), setting) == settings.end()) settings.push_back(setting);
+  }
+  if (conditions.empty()) {
+    if (!rig.normal_load) throw InputError({file, 0, 0, "rig.normal_load", "is missing", {}});
+    settings.emplace_back(*rig.normal_load, rig.angular_velocity, 1);
+  }
+  std::vector<OperatingPoint> out;
+  for (const auto& [load, speed, pass] : settings)
+    for (const double s : asked) out.push_back({bekker::to_wong_reece(s, slip_convention()), s, load, speed, pass});
+  return out;
+}
+
+bekker::Soil Scenario::bekker_soil() const {
+  Problems missing = check_soil(soil);
+  for (Problem& p : missing) {
+    p.file = file;
+    p.key = "soil." + p.key;
+  }
+  throw_if_any(missing);
+  bekker::Soil out;
+  out.cohesion = *soil.cohesion;
+  out.friction_angle = *soil.friction_angle;
+  out.shear_modulus = *soil.shear_modulus;
+  out.n = *soil.n;
+  if (soil.kc) {
+    out.k = bekker::bekker_modulus(*soil.kc, *soil.kphi, wheel.width);
+    out.plate_width = 1.0;
+  } else {
+    out.k = *soil.k;
+    out.plate_width = *soil.plate_width;
+  }
+  out.bulk_density = soil.bulk_density.value_or(1600.0);
+  out.gravity = rig.gravity;
+  Problems wrong = out.validate();
+  for (Problem& p : wrong) {
+    p.file = file;
+    p.key = "soil.bekker." + p.key;
+  }
+  throw_if_any(wrong);
+  return out;
+}
+
+bekker::ContactAngles Scenario::contact_angles() const {
+  bekker::ContactAngles out;
+  out.a0 = soil.a0.value_or(out.a0);
+  out.a1 = soil.a1.value_or(out.a1);
+  out.theta_r = soil.theta_r.value_or(out.theta_r);
+  Problems wrong = out.validate();
+  for (Problem& p : wrong) {
+    p.file = file;
+    p.key = "soil.contact." + p.key;
+  }
+  throw_if_any(wrong);
+  return out;
+}
+
+bekker::WheelSize Scenario::wheel_size() const { return {wheel.radius, wheel.width}; }
+
+wheel::WheelShape Scenario::wheel_shape() const {
+  terrode::wheel::WheelShape out;
+  out.radius = wheel.radius;
+  out.width = wheel.width;
+  out.crown_radius = wheel.crown_radius;
+  if (wheel.grouser_count > 0) {
+    out.grousers.count = wheel.grouser_count;
+    out.grousers.height = wheel.grouser_height;
+    out.grousers.thickness = wheel.grouser_thickness;
+    out.grousers.tip_thickness = wheel.grouser_tip_thickness;
+    out.grousers.phase = wheel.grouser_phase;
+    using terrode::wheel::GrouserShape;
+    out.grousers.shape = wheel.grouser_shape == "tapered"      ? GrouserShape::tapered
+                         : wheel.grouser_shape == "triangular" ? GrouserShape::triangular
+                                                               : GrouserShape::straight;
+  }
+  Problems wrong = out.validate();
+  for (Problem& p : wrong) {
+    p.file = file;
+    p.key = "wheel." + p.key;
+  }
+  throw_if_any(wrong);
+  return out;
+}
+
+}  // namespace terrode::scenario

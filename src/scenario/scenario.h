@@ -1,0 +1,126 @@
+// What is to be simulated: soil, wheel, rig, ground and the slips, as a YAML file describes them.
+//
+// A number alone is in SI units; text carries its unit. Soil and wheel may be files of their own, named by a path
+// relative to the file that names them. Where a scenario is asked for a recording serves too: its wheel, believed soil
+// and run conditions are then the scenario, its measurements what it is compared with.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "bekker/slip.h"
+#include "bekker/soil.h"
+#include "core/problem.h"
+#include "bekker/steady_wheel.h"
+#include "recording/recording.h"
+#include "scenario/reader.h"
+#include "wheel/wheel.h"
+
+namespace terrode::scenario {
+
+// The ways to compute a wheel on soil; `sweep --method` takes these names.
+const std::vector<std::string>& method_names();
+
+struct WheelSpec {
+  double radius = 0.0;              // m, of the rim without lugs
+  double width = 0.0;               // m
+  std::optional<double> mass;       // kg
+  std::string surface;
+  double crown_radius = 0.0;        // m, of the rim's profile across the width; 0: flat
+  int grouser_count = 0;
+  double grouser_height = 0.0;      // m
+  double grouser_thickness = 0.003; // m, at the root
+  double grouser_tip_thickness = 0.0;  // m, of shape tapered
+  std::string grouser_shape = "straight";
+  double grouser_phase = 0.0;       // rad, of the first lug from straight down
+};
+
+// The single-wheel rig and how it is driven.
+struct RigSpec {
+  std::optional<double> normal_load;  // N
+  double angular_velocity = 0.3;      // rad/s
+  std::string slip_convention = "s = 1 - v/(omega r)";
+  std::string mode = "imposed_slip";  // or imposed_pull (free slip), towed (no torque)
+  double slip = 0.2;                  // of a single run, by the file's convention
+  double pull = 0.0;                  // N, of mode imposed_pull
+  double travel = 0.7;                // m, wheel path of a run
+  double ramp = 0.5;                  // s, in which load and speeds rise
+  double time_step = 1e-3;            // s
+  double gravity = 9.81;              // m/s2
+};
+
+// Settings of the node-spring ground.
+struct TerrainSpec {
+  double node_spacing = 3.3e-3;       // m
+};
+
+// One missing-physics effect that is switched on: its parameters as the file writes them.
+struct EffectSpec {
+  std::string id;
+  Node parameters;                    // a map: name to number or text with unit
+};
+
+// One steady state that is asked for.
+struct OperatingPoint {
+  double slip = 0.0;                  // s = 1 - v/(omega r)
+  double slip_given = 0.0;            // by the convention of the scenario
+  double normal_load = 0.0;           // N
+  double angular_velocity = 0.0;      // rad/s
+  int pass = 1;
+};
+
+// A condition of a sweep; what is absent comes from the rig.
+struct SweepCondition {
+  double slip = 0.0;                  // by the convention of the scenario
+  std::optional<double> normal_load, angular_velocity;
+  int pass = 1;
+};
+
+struct Scenario {
+  std::string file;                   // where it was read
+  std::string text;                   // as it was read
+  std::string title;
+  std::vector<std::string> methods;   // empty: steady
+  int seed = 1;
+  recording::SoilBelief soil;
+  WheelSpec wheel;
+  RigSpec rig;
+  TerrainSpec terrain;
+  std::vector<EffectSpec> effects;
+  std::vector<double> slips;          // by the convention of the scenario
+  std::vector<SweepCondition> conditions;
+  std::optional<recording::Recording> measured;
+  bool from_recording = false;
+  std::vector<std::string> notes;     // for the user: defaults that were assumed, keys kept and ignored
+
+  bekker::SlipConvention slip_convention() const;
+  // The points of the sweep: conditions if there are any, else each slip at the rig's load and speed. Throws InputError
+  // where there are none, where a slip cannot be, or where the load is missing.
+  std::vector<OperatingPoint> operating_points() const;
+  // As operating_points(), for these slips (in the convention of the scenario) at every load and speed of the scenario.
+  std::vector<OperatingPoint> operating_points(const std::vector<double>& slips) const;
+  // The soil as Bekker-type models take it; kc and kphi become k for the wheel's width. Throws InputError naming what
+  // is missing or wrong.
+  bekker::Soil bekker_soil() const;
+  bekker::ContactAngles contact_angles() const;
+  bekker::WheelSize wheel_size() const;
+  wheel::WheelShape wheel_shape() const;
+};
+
+// Reads a scenario file, or a recording (a folder, or its recording.yaml). Throws InputError with every problem.
+Scenario load_scenario(const std::string& path);
+// Reads a scenario from text; paths in it are relative to the folder of `file`.
+Scenario parse_scenario(const std::string& text, const std::string& file);
+// The scenario as YAML, complete in itself (soil and wheel inlined), that parse_scenario reads back.
+std::string to_yaml(const Scenario& scenario);
+// JSON Schema (draft 2020-12) of a scenario file, for editors.
+std::string scenario_schema();
+
+// "0.1", "-0.7,0.3,0.5" or "FROM:TO:STEP" (both ends included) as slips. Throws InputError.
+std::vector<double> parse_slips(const std::string& text);
+
+// Slips at which Smith et al. compare their models; used where a scenario names none.
+const std::vector<double>& default_slips();
+
+}  // namespace terrode::scenario
