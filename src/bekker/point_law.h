@@ -60,14 +60,13 @@ struct ContactShape {
 };
 
 // Stress on the wheel's surface [Pa]. `sigma` presses along the inward normal, `tau` (unsigned) acts along the tangent
-// against sliding. `drive` is a further tangential stress, positive where it gives thrust. `push_back` is a horizontal
-// stress on the vertically projected surface that acts through the axle (a soil wedge pushed in front: it takes pull and
-// gives no torque).
+// against sliding. Soil wedges push horizontally, per unit of the wheel's surface: `drive` forward with the torque of the
+// rim's radius (soil behind a lug), `drag` backward through the axle, without torque (soil pushed in front).
 struct Stress {
   double sigma = 0.0;
   double tau = 0.0;
   double drive = 0.0;
-  double push_back = 0.0;
+  double drag = 0.0;
 };
 
 // A change of the contact or of the stress at a point: what a missing-physics effect of the soil or wheel is to the
@@ -86,7 +85,7 @@ class StressModifier {
   virtual double pressure(const Context&, const Point&, const LocalSoil&, double sigma) const { return sigma; }
   // Returns the changed shear stress [Pa]; `sigma` is final.
   virtual double shear(const Context&, const Point&, const LocalSoil&, double /*sigma*/, double tau) const { return tau; }
-  // Adds to the stresses that come on top: drive and push_back [Pa]; sigma and tau are final.
+  // Adds to the stresses that come on top: drive and drag [Pa]; sigma and tau are final.
   virtual void traction(const Context&, const Point&, const LocalSoil&, Stress&) const {}
 };
 

@@ -44,14 +44,14 @@ const std::array<Rule, kOrders.size()>& rules() {
 }
 
 struct Sums {
-  double load = 0, pull = 0, torque = 0, compaction = 0, push_back = 0;
+  double load = 0, pull = 0, torque = 0, compaction = 0, drag = 0;
 
   void add(const Sums& o, double w) {
     load += w * o.load;
     pull += w * o.pull;
     torque += w * o.torque;
     compaction += w * o.compaction;
-    push_back += w * o.push_back;
+    drag += w * o.drag;
   }
 };
 
@@ -89,10 +89,10 @@ struct Evaluator {
       p.penetration_speed = std::max(0.0, context.forward_velocity * std::sin(equivalent));
       stress = stress_at(soil, law, context, p);
     }
-    const double tau = sign * stress.tau + stress.drive;
+    const double tau = sign * stress.tau;
     if (detail) *detail = {theta, z, stress.sigma, tau, j};
-    return {stress.sigma * cos_t + tau * sin_t, tau * cos_t - (stress.sigma + stress.push_back) * sin_t, tau,
-            stress.sigma * sin_t, stress.push_back * sin_t};
+    return {stress.sigma * cos_t + tau * sin_t, tau * cos_t - stress.sigma * sin_t + stress.drive - stress.drag,
+            tau + stress.drive, stress.sigma * sin_t, stress.drag};
   }
 
   // Integral over [from, to] (any order) with points clustered at `from`; counted positive.
@@ -279,7 +279,7 @@ struct WheelProblem {
     out.driving_torque = area * context.radius * sums.torque;
     out.sinkage = context.sinkage;
     out.compaction_resistance = area * sums.compaction;
-    out.push_back = area * sums.push_back;
+    out.drag = area * sums.drag;
     return out;
   }
 

@@ -61,7 +61,7 @@ struct SteadyState {
   double driving_torque = 0.0;   // N m
   double sinkage = 0.0;          // m
   double compaction_resistance = 0.0;  // r b int sigma sin(theta), N
-  double push_back = 0.0;        // part of the drawbar pull taken by soil pushed in front, N
+  double drag = 0.0;             // part of the drawbar pull taken by soil pushed in front, N
   int evaluations = 0;           // of the stress law
 };
 
