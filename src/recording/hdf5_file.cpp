@@ -14,13 +14,18 @@
 #include <numeric>
 #include <utility>
 
-namespace terrode::recording {
-namespace {
+#include "recording/hdf5_lock.h"
 
-std::recursive_mutex& library_lock() {
+namespace terrode::recording {
+
+std::recursive_mutex& hdf5_lock() {
   static std::recursive_mutex lock;
   return lock;
 }
+
+namespace {
+
+std::recursive_mutex& library_lock() { return hdf5_lock(); }
 using Guard = std::lock_guard<std::recursive_mutex>;
 
 // Errors are collected by failure() and thrown; the library must not print them.

@@ -21,6 +21,11 @@ inline constexpr const char* sinkage = "sinkage";                    // m
 inline constexpr const char* normal_load = "normal_load";            // N
 inline constexpr const char* angular_velocity = "angular_velocity";  // rad/s
 inline constexpr const char* forward_velocity = "forward_velocity";  // m/s
+
+// SI unit of these and of "time" and "slip"; nothing for a name without a meaning of its own.
+std::optional<std::string> unit_of(const std::string& name);
+// Their names, without "time".
+const std::vector<std::string>& names();
 }  // namespace channel
 
 // One measured quantity over the time base of its run; missing samples are NaN and counted as gaps.
@@ -37,6 +42,7 @@ struct SteadyValue {
 };
 
 // What was commanded in a run. `slip` is s = 1 - v/(omega r) at either sign, whatever convention the file used.
+// Where slip and one velocity are known, the other is filled in: v = omega r (1 - slip).
 struct Condition {
   double slip = 0.0;                        // -; -infinity for a locked wheel (omega = 0)
   std::optional<double> normal_load;        // N
@@ -53,6 +59,7 @@ struct Run {
   Condition condition;
   std::vector<double> time;     // s, increasing; empty for a row of a table
   std::vector<Channel> channels;
+  std::vector<int> lines;       // line of each sample in `file`, from 1; empty where the file is no text
   std::map<std::string, SteadyValue> steady;  // by channel name; filled for rows of a table only
 
   const Channel* find(const std::string& name) const;
@@ -108,6 +115,7 @@ struct Recording {
   std::vector<PressureSinkageTest> pressure_sinkage;
   std::vector<DirectShearTest> direct_shear;
   std::vector<std::string> remarks;      // notes for the user: unknown keys kept, defaults assumed
+  std::map<std::string, std::string> extra;  // keys that are not known, with their path ("wheel.camber"), as text
 };
 
 }  // namespace terrode::recording
