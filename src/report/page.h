@@ -23,19 +23,25 @@ namespace terrode::report {
 
 enum class Mood { good, neutral, warning, bad };
 
-// A cell: empty, a number (formatted by its column) or text.
-using Cell = std::variant<std::monostate, double, std::string>;
+// A number with its standard error, shown as "12.34 ± 0.05": the error with two digits, the value down to the same place.
+struct PlusMinus {
+  double value, error;
+};
+
+// A cell: empty, a number (formatted by its column), a number with its error, or text.
+using Cell = std::variant<std::monostate, double, PlusMinus, std::string>;
 
 struct Column {
   std::string header;
-  std::string unit;        // shown in the header; empty: none
+  std::string unit = {};        // shown in the header; empty: none
   int digits = 4;          // significant digits
+  std::string group = {};  // neighbours of one group get a common head above theirs
 };
 
 struct Table {
   std::vector<Column> columns;
-  std::vector<std::vector<Cell>> rows;   // a short row is filled up with empty cells; a long one is an InputError
-  std::string caption;
+  std::vector<std::vector<Cell>> rows = {};   // a short row is filled up with empty cells; a long one is an InputError
+  std::string caption = {};
 };
 
 class Page {

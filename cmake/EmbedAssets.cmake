@@ -1,0 +1,13 @@
+# cmake -DASSETS="name=file;..." -DOUTPUT=x.cpp -P EmbedAssets.cmake: one function a file that returns its text.
+set(code "#include \"report/assets.h\"\n\nnamespace terrode::report::assets {\n\n")
+foreach(entry IN LISTS ASSETS)
+  string(REGEX MATCH "^([a-z_]+)=(.*)$" _ "${entry}")
+  set(name ${CMAKE_MATCH_1})
+  set(text "")
+  if(CMAKE_MATCH_2)
+    file(READ ${CMAKE_MATCH_2} text)
+  endif()
+  string(APPEND code "std::string_view ${name}() { return R\"TERRODE(${text})TERRODE\"; }\n\n")
+endforeach()
+string(APPEND code "}  // namespace terrode::report::assets\n")
+file(WRITE ${OUTPUT} "${code}")
