@@ -465,27 +465,98 @@ void AngularMotor::set_velocity(std::size_t axis, double velocity) {
   dJointSetAMotorParam(id_, dParamVel + group(axis), velocity);
 }
 
-SoilDamper::SoilDamper(World& world, std::string name, Body& body, const std::vector<Vec3>& axes)
-    : Joint(world, std::move(name), body, nullptr), coefficients_(axes.size(), 0.0) {
-  check_axes(name_, axes);
-  adopt(dJointCreateLMotor(world.id_, nullptr));
-  set_linear_axes(id_, name_, axes);
+// Three massless rods to points 1 m away resist one direction each; their error repair is off, so that they are dampers.
+struct SoilDamper::Rows {
+  dJointID rod[3];
+  dJointFeedback rod_feedback[3];
+  bool rod_on[3] = {false, false, false};
+  dJointID spin;
+  dJointFeedback spin_feedback;
+  bool spin_on = false;
+};
+
+SoilDamper::SoilDamper(World& world, std::string name, Body& body)
+    : Joint(world, std::move(name), body, nullptr), rows_(std::make_unique<Rows>()) {
+  for (int i = 0; i < 3; ++i) {
+    rows_->rod[i] = dJointCreateDBall(world.id_, nullptr);
+    dJointAttach(rows_->rod[i], body_.id_, nullptr);
+    dJointSetFeedback(rows_->rod[i], &rows_->rod_feedback[i]);
+    dJointSetDBallParam(rows_->rod[i], dParamERP, 0.0);
+    dJointDisable(rows_->rod[i]);
+  }
+  rows_->spin = dJointCreateAMotor(world.id_, nullptr);
+  dJointAttach(rows_->spin, body_.id_, nullptr);
+  dJointSetFeedback(rows_->spin, &rows_->spin_feedback);
+  dJointSetAMotorMode(rows_->spin, dAMotorUser);
+  dJointSetAMotorNumAxes(rows_->spin, 3);
+  dJointDisable(rows_->spin);
 }
 
-void SoilDamper::set_coefficient(std::size_t axis, double coefficient) {
-  if (axis >= coefficients_.size() || !(coefficient >= 0.0) || coefficient >= largest_number)
-    throw RunError(fmt::format("'{}': a soil damping of {:.6g} N s/m was asked for; the terrain's contact stiffness "
-                               "must be finite and not negative",
-                               name_, coefficient));
-  coefficients_[axis] = coefficient;
-  if (coefficient > 0.0) dJointSetLMotorParam(id_, dParamCFM + group(axis), 1.0 / coefficient);
-  dJointSetLMotorParam(id_, dParamFMax + group(axis), coefficient > 0.0 ? dInfinity : 0.0);
+SoilDamper::~SoilDamper() {
+  for (dJointID rod : rows_->rod) dJointDestroy(rod);
+  dJointDestroy(rows_->spin);
 }
 
-void SoilDamper::save(std::vector<double>& s) const { s.insert(s.end(), coefficients_.begin(), coefficients_.end()); }
+namespace {
+// Eigenvalues far below the largest give forces below its rounding.
+constexpr double negligible = 1e-12;
 
-void SoilDamper::load_state(const double*& s) {
-  for (std::size_t i = 0; i < coefficients_.size(); ++i) set_coefficient(i, *s++);
+using SymmetricEigen = Eigen::SelfAdjointEigenSolver<Mat3>;
+}  // namespace
+
+void SoilDamper::set(const Vec3& p, const Mat3& D, const Mat3& R) {
+  if (!p.allFinite() || !D.allFinite() || !R.allFinite() || D.cwiseAbs().maxCoeff() >= largest_number ||
+      R.cwiseAbs().maxCoeff() >= largest_number)
+    throw RunError(fmt::format("'{}' on body '{}' at t = {:.9g} s: the ground's contact stiffness or damping is not "
+                               "finite; check the soil's parameters",
+                               name_, body_.name(), world_.time()));
+  const SymmetricEigen d(0.5 * (D + D.transpose()));
+  D_.setZero();
+  for (int i = 0; i < 3; ++i) {
+    const double c = d.eigenvalues()[i];
+    const bool on = c > 0.0 && c > negligible * d.eigenvalues()[2];
+    if (on != rows_->rod_on[i]) (on ? dJointEnable : dJointDisable)(rows_->rod[i]);
+    rows_->rod_on[i] = on;
+    if (!on) continue;
+    const Vec3 e = d.eigenvectors().col(i);
+    const Vec3 far = p + e;
+    dJointSetDBallAnchor1(rows_->rod[i], p.x(), p.y(), p.z());
+    dJointSetDBallAnchor2(rows_->rod[i], far.x(), far.y(), far.z());
+    dJointSetDBallParam(rows_->rod[i], dParamCFM, 1.0 / c);
+    D_ += c * e * e.transpose();
+  }
+  const SymmetricEigen r(0.5 * (R + R.transpose()));
+  R_.setZero();
+  bool any = false;
+  for (int i = 0; i < 3; ++i) {
+    const double c = r.eigenvalues()[i];
+    const bool on = c > 0.0 && c > negligible * r.eigenvalues()[2];
+    dJointSetAMotorParam(rows_->spin, dParamFMax + group(static_cast<std::size_t>(i)), on ? dInfinity : 0.0);
+    if (!on) continue;
+    any = true;
+    const Vec3 e = r.eigenvectors().col(i);
+    dJointSetAMotorAxis(rows_->spin, i, 0, e.x(), e.y(), e.z());
+    dJointSetAMotorParam(rows_->spin, dParamCFM + group(static_cast<std::size_t>(i)), 1.0 / c);
+    R_ += c * e * e.transpose();
+  }
+  if (any != rows_->spin_on) (any ? dJointEnable : dJointDisable)(rows_->spin);
+  rows_->spin_on = any;
+}
+
+void SoilDamper::prepare(double) {
+  for (dJointFeedback& f : rows_->rod_feedback) f.f1[0] = std::numeric_limits<double>::quiet_NaN();
+  rows_->spin_feedback.f1[0] = std::numeric_limits<double>::quiet_NaN();
+}
+
+void SoilDamper::read() {
+  load_ = {};
+  const auto take = [this](const dJointFeedback& f) {
+    if (std::isnan(f.f1[0])) return;
+    load_.solved = true;
+    load_.on_body += Wrench{vec(f.f1), vec(f.t1)};
+  };
+  for (const dJointFeedback& f : rows_->rod_feedback) take(f);
+  take(rows_->spin_feedback);
 }
 
 // -------------------------------------------------------------------------------------------------------------- world
@@ -571,9 +642,9 @@ AngularMotor& World::add_angular_motor(const std::string& name, Body& body, cons
   check_joint(name, body, nullptr);
   return keep(std::unique_ptr<AngularMotor>(new AngularMotor(*this, name, body, axes)));
 }
-SoilDamper& World::add_soil_damper(const std::string& name, Body& body, const std::vector<Vec3>& axes) {
+SoilDamper& World::add_soil_damper(const std::string& name, Body& body) {
   check_joint(name, body, nullptr);
-  return keep(std::unique_ptr<SoilDamper>(new SoilDamper(*this, name, body, axes)));
+  return keep(std::unique_ptr<SoilDamper>(new SoilDamper(*this, name, body)));
 }
 
 void World::set_gravity(const Vec3& gravity) {

@@ -266,22 +266,29 @@ class AngularMotor : public Joint {
   std::size_t count_;
 };
 
-// Viscous resistance of a body's centre of mass along up to three world axes, solved implicitly:
-// F = -coefficient v(t_n + h). With an external force F_n + coefficient v(t_n) beside it the body feels
-// F_n - coefficient (v(t_n + h) - v(t_n)): with coefficient = h k/4 + c/2 for a soil of stiffness k and damping c this is
-// Newmark's rule with beta = 1/4, gamma = 1/2 (Newmark, 1959): second order, stable for any step, no numerical damping.
+// The part of a soil's force that answers to motion within the step, solved implicitly. A body point p and the body's
+// rotation are resisted by F = -D v_p(t_n + h), M = -R w(t_n + h), with D [N s/m] and R [N m s] symmetric. With the
+// external force F_n + D v_p(t_n) beside it the body feels F_n - D (v_p(t_n + h) - v_p(t_n)), and so for moments: with
+// D = h k/4 + c/2 for a soil of stiffness k and damping c this is Newmark's rule with beta = 1/4, gamma = 1/2 (Newmark
+// 1959): second order, stable for any step, no numerical damping.
 class SoilDamper : public Joint {
  public:
-  // N s/m; 0 switches the axis off.
-  void set_coefficient(std::size_t axis, double coefficient);
-  double coefficient(std::size_t axis) const { return coefficients_.at(axis); }
+  ~SoilDamper() override;
+  // World axes; only symmetric parts count, and negative eigenvalues as 0 (a soil that softens is left to the explicit
+  // force). Holds for the steps until the next call. Throws RunError unless all is finite.
+  void set(const Vec3& p_W, const Mat3& D, const Mat3& R = Mat3::Zero());
+  // D and R as they act, after the rule above.
+  const Mat3& translational() const { return D_; }
+  const Mat3& rotational() const { return R_; }
 
  private:
   friend class World;
-  SoilDamper(World& world, std::string name, Body& body, const std::vector<Vec3>& axes_W);
-  void save(std::vector<double>& state) const override;
-  void load_state(const double*& state) override;
-  std::vector<double> coefficients_;
+  SoilDamper(World& world, std::string name, Body& body);
+  void prepare(double h) override;
+  void read() override;
+  struct Rows;
+  std::unique_ptr<Rows> rows_;
+  Mat3 D_ = Mat3::Zero(), R_ = Mat3::Zero();
 };
 
 // Bodies and joints in one space, stepped together. Owns both; references stay valid while the world lives.
@@ -303,7 +310,7 @@ class World {
                const Vec3& end_on_parent_W);
   LinearMotor& add_linear_motor(const std::string& name, Body& body, const std::vector<Vec3>& axes_W);
   AngularMotor& add_angular_motor(const std::string& name, Body& body, const std::vector<Vec3>& axes_W);
-  SoilDamper& add_soil_damper(const std::string& name, Body& body, const std::vector<Vec3>& axes_W);
+  SoilDamper& add_soil_damper(const std::string& name, Body& body);
 
   const std::vector<std::unique_ptr<Body>>& bodies() const { return bodies_; }
   const std::vector<std::unique_ptr<Joint>>& joints() const { return joints_; }

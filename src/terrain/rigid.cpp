@@ -61,11 +61,18 @@ ContactResult RigidTerrain::wrench(BodyId body, const Pose& pose, const Twist& t
   const Vec3 slide(v.x(), v.y(), 0.0);
   const double speed = slide.norm();
   Vec3 F(0.0, 0.0, push);
-  if (speed > 0) F -= slide * (params_.friction * push * std::tanh(speed / params_.sliding_scale) / speed);
+  // Friction over sliding speed: the secant, which for a force that flattens out damps no less than the tangent.
+  const double drag = params_.friction * push *
+                      (speed > 1e-9 * params_.sliding_scale ? std::tanh(speed / params_.sliding_scale) / speed
+                                                            : 1.0 / params_.sliding_scale);
+  F -= drag * slide;
   r.wrench.F_W = F;
   r.wrench.M_W = arm.cross(F);
   r.stiffness(2, 2) = params_.stiffness;
-  r.damping(2, 2) = params_.damping;
+  // Resistance of the contact point, whose velocity is A (v; w).
+  Eigen::Matrix<double, 3, 6> A;
+  A << Mat3::Identity(), (Mat3() << 0, arm.z(), -arm.y(), -arm.z(), 0, arm.x(), arm.y(), -arm.x(), 0).finished();
+  r.damping = A.transpose() * Vec3(drag, drag, params_.damping).asDiagonal() * A;
   r.slip_power = -F.dot(slide);
   r.damping_power = params_.damping * v.z() * v.z();
   r.contact_count = 1;

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <cmath>
 #include <limits>
 #include <thread>
@@ -55,16 +56,16 @@ TEST(World, LoadOfAJointThatWasNotSolvedIsZeroAndSaysSo) {
   World world(weightless());
   Body& body = world.add_body("body", brick(), {});
   LinearMotor& hold = world.add_linear_motor("hold", body, {Vec3::UnitX()});
-  SoilDamper& damper = world.add_soil_damper("damper", body, {Vec3::UnitX()});
+  SoilDamper& damper = world.add_soil_damper("damper", body);
   body.add_wrench({Vec3(37.5, 0, 0), Vec3::Zero()});
   world.step(1e-3);
   EXPECT_TRUE(hold.load().solved);
   EXPECT_NEAR(hold.load().on_body.F_W.x(), -37.5, 1e-8);
   EXPECT_FALSE(damper.load().solved);
-  damper.set_coefficient(0, 10.0);
+  damper.set(Vec3::Zero(), 10.0 * Mat3::Identity());
   world.step(1e-3);
   EXPECT_TRUE(damper.load().solved);
-  damper.set_coefficient(0, 0.0);
+  damper.set(Vec3::Zero(), Mat3::Zero());
   world.step(1e-3);
   EXPECT_FALSE(damper.load().solved);
   EXPECT_EQ(damper.load().on_body.F_W, Vec3(Vec3::Zero()));
@@ -223,15 +224,47 @@ TEST(World, SpringSettlesWhereItCarriesTheWeight) {
 TEST(World, SoilDamperActsOnTheVelocityAfterTheStep) {
   World world(weightless());
   Body& body = world.add_body("body", brick(2.0), {}, {Vec3(0, 0, -0.3), Vec3::Zero()});
-  SoilDamper& soil = world.add_soil_damper("soil", body, {Vec3::UnitZ()});
+  SoilDamper& soil = world.add_soil_damper("soil", body);
   const double d = 5000.0, h = 1e-3;
-  soil.set_coefficient(0, d);
+  soil.set(Vec3::Zero(), Vec3(0, 0, d).asDiagonal());
   world.step(h);
   const double v = -0.3 / (1.0 + h * d / 2.0);
   EXPECT_NEAR(body.twist().v_W.z(), v, rounding);
   EXPECT_NEAR(soil.load().on_body.F_W.z(), -d * v, 1e-9);
-  EXPECT_THROW(soil.set_coefficient(0, -1.0), RunError);
-  EXPECT_THROW(soil.set_coefficient(0, std::nan("")), RunError);
+  EXPECT_THROW(soil.set(Vec3::Zero(), Vec3(0, 0, std::nan("")).asDiagonal()), RunError);
+  soil.set(Vec3::Zero(), Vec3(0, -1.0, 2.0).asDiagonal());
+  EXPECT_EQ(soil.translational(), Mat3(Vec3(0, 0, 2.0).asDiagonal()));
+}
+
+// Against the closed form of one implicit step: (M + h A'DA + h R) u1 = M u0, A the velocity of the point.
+TEST(World, SoilDamperActsAtItsPointWithAnyMatrix) {
+  World world(weightless());
+  const Twist before{Vec3(0.3, -0.2, 0.1), Vec3(0.5, -1.0, 0.7)};
+  Body& body = world.add_body("body", MassProperties::sphere(2.0, 0.3), {}, before);
+  SoilDamper& soil = world.add_soil_damper("soil", body);
+  const Vec3 p(0.1, 0.02, -0.3);
+  Mat3 B, C;
+  B << 20, 3, 1, -4, 9, 2, 5, 1, 30;
+  C << 0.3, 0.1, 0, 0, 0.2, 0.1, 0.05, 0, 0.4;
+  const Mat3 D = B * B.transpose(), R = C * C.transpose();
+  const double h = 1e-3;
+  soil.set(p, D, R);
+  world.step(h);
+  using Mat6 = Eigen::Matrix<double, 6, 6>;
+  Eigen::Matrix<double, 3, 6> A;
+  Mat3 cross;
+  cross << 0, -p.z(), p.y(), p.z(), 0, -p.x(), -p.y(), p.x(), 0;
+  A << Mat3::Identity(), -cross;
+  Mat6 mass = Mat6::Identity() * 2.0;
+  mass.bottomRightCorner<3, 3>() = body.mass_properties().inertia_B;
+  Mat6 resistance = A.transpose() * D * A;
+  resistance.bottomRightCorner<3, 3>() += R;
+  Eigen::Matrix<double, 6, 1> u;
+  u << before.v_W, before.w_W;
+  const Eigen::Matrix<double, 6, 1> after = (mass + h * resistance).ldlt().solve(mass * u);
+  EXPECT_NEAR((body.twist().v_W - after.head<3>()).norm(), 0.0, rounding);
+  EXPECT_NEAR((body.twist().w_W - after.tail<3>()).norm(), 0.0, rounding);
+  EXPECT_NEAR((soil.load().on_body.F_W + D * (after.head<3>() + after.tail<3>().cross(p))).norm(), 0.0, 1e-9);
 }
 
 // A mass on a stiff spring evaluated at the pose before the step, with the damper that the soil's stiffness asks for:
@@ -241,11 +274,11 @@ TEST(World, SoilDamperKeepsAStiffSpringStableAndUndamped) {
   for (const double h : {1e-3, 1e-2}) {  // omega h = 0.7 and 7; explicit stepping ends at 2
     World world(weightless());
     Body& body = world.add_body("body", brick(m), {Vec3(0, 0, 1e-3), Quat::Identity()});
-    SoilDamper& soil = world.add_soil_damper("soil", body, {Vec3::UnitZ()});
+    SoilDamper& soil = world.add_soil_damper("soil", body);
     double largest = 0.0;
     for (int n = 0; n < 5000; ++n) {
       const double d = 0.25 * h * k;
-      soil.set_coefficient(0, d);
+      soil.set(Vec3::Zero(), Vec3(0, 0, d).asDiagonal());
       body.add_wrench({Vec3(0, 0, -k * body.pose().p_W.z() + d * body.twist().v_W.z()), Vec3::Zero()});
       world.step(h);
       if (n > 4000) largest = std::max(largest, std::abs(body.pose().p_W.z()));
