@@ -1,0 +1,43 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "effects/effect.h"
+
+namespace terrode::effects {
+namespace {
+
+const Info& info() {
+  static const Info out{
+      "bed_drift",
+      Class::bed,
+      "surface not parallel to the rail",
+      "The soil's surface falls away from or rises to the rail, so that the measured sinkage grows along "
+      "the travel.",
+      "z_measured = z + slope x",
+      "geometry",
+      {{"slope", "-", 0, -0.1, 0.1, 0.005, 0.005, Scale::linear, true, "sinkage per metre of travel"}},
+      "bed",
+      {0, 0, 1, false, false, true, false, false,
+       "sinkage linear along the travel, the same in every run; forces nearly unchanged"},
+      {"density_gradient", "sensor_drift"},
+      "an unloaded pass with the sinkage sensor"};
+  return out;
+}
+
+class BedDrift final : public Effect {
+ public:
+  using Effect::Effect;
+  bool has_bed() const override { return true; }
+  double bed_height(double x) const override { return -p(0) * x; }
+  void quasi_static(const Sample& m, Reading& r) const override {
+    r.sinkage += p(0) * m.position;
+    r.drawbar_pull += m.context.normal_load * p(0);
+  }
+};
+
+}  // namespace
+
+EffectType bed_drift() { return detail::type_of<BedDrift, info>(); }
+
+}  // namespace terrode::effects

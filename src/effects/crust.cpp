@@ -1,0 +1,42 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "effects/effect.h"
+
+namespace terrode::effects {
+namespace {
+
+const Info& info() {
+  static const Info out{
+      "crust",
+      Class::compaction,
+      "crust that breaks",
+      "A stiff skin carries load until it breaks: pressure rises to the crust's strength within its depth "
+      "and falls after.",
+      "sigma = sigma + strength (z/depth) exp(1 - z/depth)",
+      "constructed here; critical pressure of crusts in Wong, Garber & Preston-Thomas 1984",
+      {{"strength", "Pa", 0, 0, 1e7, 5e3, 5e3, Scale::linear, true, "pressure the skin carries at most"},
+       {"depth", "m", 0.003, 0.0003, 0.3, 0.005, 0.005, Scale::log, false, "sinkage at which it breaks"}},
+      "pressure",
+      {0, 0, -1, false, false, false, false, false, "light loads sink too little, heavy ones as expected"},
+      {"hard_layer", "plate_scale"},
+      "a plate test past the break; light loads"};
+  return out;
+}
+
+class Crust final : public Effect {
+ public:
+  using Effect::Effect;
+  unsigned hooks() const override { return kPressure; }
+  double pressure(const bekker::Context&, const bekker::Point& q, const bekker::LocalSoil&,
+                  double sigma) const override {
+    return sigma + p(0) * (q.sinkage / p(1)) * std::exp(1.0 - q.sinkage / p(1));
+  }
+};
+
+}  // namespace
+
+EffectType crust() { return detail::type_of<Crust, info>(); }
+
+}  // namespace terrode::effects

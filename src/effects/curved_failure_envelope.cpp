@@ -1,0 +1,43 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "effects/effect.h"
+
+namespace terrode::effects {
+namespace {
+
+const Info& info() {
+  static const Info out{"curved_failure_envelope",
+                        Class::shear,
+                        "curved failure envelope",
+                        "The friction angle falls as the normal stress rises.",
+                        "phi = phi0 - dphi log10(sigma/10 kPa)",
+                        "Duncan et al. 1980 (form; range 3 to 10 deg per decade)",
+                        {{"dphi", "rad", 0, -0.2, 0.4, 0.07, 0.07, Scale::linear, true,
+                          "fall of the friction angle per decade of stress"}},
+                        "shear",
+                        {0, 0, 0, false, false, false, false, false, "pull over load falls with load"},
+                        {"interface_friction"},
+                        "loads over a factor of five; a shear box from 1 to 20 kPa"};
+  return out;
+}
+
+class CurvedFailureEnvelope final : public Effect {
+ public:
+  using Effect::Effect;
+  unsigned hooks() const override { return kShear; }
+  double shear(const bekker::Context&, const bekker::Point&, const bekker::LocalSoil& s, double sigma,
+               double tau) const override {
+    if (sigma <= 1.0) return tau;
+    const double phi = std::clamp(std::atan(s.tan_phi) - p(0) * std::log10(sigma / 1e4), 0.0, 1.4);
+    const double base = s.cohesion + sigma * s.tan_phi;
+    return base > 0 ? tau * (s.cohesion + sigma * std::tan(phi)) / base : tau;
+  }
+};
+
+}  // namespace
+
+EffectType curved_failure_envelope() { return detail::type_of<CurvedFailureEnvelope, info>(); }
+
+}  // namespace terrode::effects

@@ -1,0 +1,42 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "effects/effect.h"
+
+namespace terrode::effects {
+namespace {
+
+const Info& info() {
+  static const Info out{
+      "hard_layer",
+      Class::compaction,
+      "hard layer below",
+      "A firmer layer or the bin's floor lies below: pressure rises faster than the power law beyond a "
+      "depth.",
+      "sigma = sigma [1 + stiffening (z - depth)/depth], z > depth",
+      "constructed here; stiff bottom of Bekker 1969",
+      {{"stiffening", "-", 0, 0, 50, 1, 1, Scale::linear, true, "relative rise of pressure per depth"},
+       {"depth", "m", 0.01, 0.001, 1, 0.01, 0.01, Scale::log, false, "where it begins"}},
+      "pressure",
+      {0, -1, -1, false, false, false, false, false, "sinkage grows less with load than the power law says"},
+      {"plate_scale"},
+      "loads that sink the wheel deeper; a plate test to depth"};
+  return out;
+}
+
+class HardLayer final : public Effect {
+ public:
+  using Effect::Effect;
+  unsigned hooks() const override { return kPressure; }
+  double pressure(const bekker::Context&, const bekker::Point& q, const bekker::LocalSoil&,
+                  double sigma) const override {
+    return q.sinkage > p(1) ? sigma * (1.0 + p(0) * (q.sinkage - p(1)) / p(1)) : sigma;
+  }
+};
+
+}  // namespace
+
+EffectType hard_layer() { return detail::type_of<HardLayer, info>(); }
+
+}  // namespace terrode::effects

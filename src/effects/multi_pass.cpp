@@ -1,0 +1,42 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "effects/effect.h"
+
+namespace terrode::effects {
+namespace {
+
+const Info& info() {
+  static const Info out{
+      "multi_pass",
+      Class::compaction,
+      "multi-pass compaction",
+      "Ground that was driven over is denser: its sinkage modulus grows with every pass, less each time.",
+      "k_N = k [1 + gain (1 - exp(-(N - 1)/passes))]",
+      "nested form constructed here, after the multi-pass trends of Senatore & Sandu 2011, J. "
+      "Terramechanics 48:372",
+      {{"gain", "-", 0, -0.5, 20, 0.8, 1, Scale::linear, true, "relative growth of k after many passes"},
+       {"passes", "-", 1, 0.3, 10, 1.5, 1, Scale::linear, false, "passes over which most of it happens"}},
+      "pressure",
+      {0, 0, 0, false, true, false, false, false,
+       "nothing on the first pass; sinkage falls from pass to pass, less each time"},
+      {"density_gradient"},
+      "three passes or more at two slips"};
+  return out;
+}
+
+class MultiPass final : public Effect {
+ public:
+  using Effect::Effect;
+  unsigned hooks() const override { return kSoil; }
+  void soil(const bekker::Context& c, const bekker::Point&, bekker::LocalSoil& s) const override {
+    s.k *= 1.0 + p(0) * (1.0 - std::exp(-(c.pass - 1) / p(1)));
+  }
+};
+
+}  // namespace
+
+EffectType multi_pass() { return detail::type_of<MultiPass, info>(); }
+
+}  // namespace terrode::effects

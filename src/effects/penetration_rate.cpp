@@ -1,0 +1,41 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "effects/effect.h"
+
+namespace terrode::effects {
+namespace {
+
+const Info& info() {
+  static const Info out{
+      "penetration_rate",
+      Class::compaction,
+      "penetration-rate dependence",
+      "Soil resists fast penetration more: pressure grows with the velocity at which the wheel's surface "
+      "enters.",
+      "sigma = sigma [(v_n + 1e-5 m/s)/(0.01 m/s)]^m, v_n at the point that sets the pressure",
+      "Grahn 1991, J. Terramechanics 28:339",
+      {{"m", "-", 0, -0.3, 0.5, 0.05, 0.05, Scale::linear, true, "exponent"}},
+      "pressure",
+      {0, -1, -1, true, false, false, false, false, "sinkage falls with speed, forces hardly change"},
+      {"slip_sinkage", "plate_scale"},
+      "three speeds over a decade; plate tests at three rates"};
+  return out;
+}
+
+class PenetrationRate final : public Effect {
+ public:
+  using Effect::Effect;
+  unsigned hooks() const override { return kPressure; }
+  double pressure(const bekker::Context&, const bekker::Point& q, const bekker::LocalSoil&,
+                  double sigma) const override {
+    return sigma * std::pow((q.penetration_speed + 1e-5) / 0.01, p(0));
+  }
+};
+
+}  // namespace
+
+EffectType penetration_rate() { return detail::type_of<PenetrationRate, info>(); }
+
+}  // namespace terrode::effects

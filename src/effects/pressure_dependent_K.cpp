@@ -1,0 +1,43 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "effects/effect.h"
+
+namespace terrode::effects {
+namespace {
+
+const Info& info() {
+  static const Info out{"pressure_dependent_K",
+                        Class::shear,
+                        "shear modulus that grows with pressure",
+                        "The displacement needed to mobilise shear grows with the normal stress.",
+                        "K = K0 (1 + kappa sigma/10 kPa)",
+                        "linear form constructed here; Senatore & Iagnemma 2011 (ISTVS) on K and pressure",
+                        {{"kappa", "-", 0, -0.5, 20, 0.5, 0.5, Scale::linear, true, "relative growth of K at 10 kPa"}},
+                        "shear",
+                        {-1, -1, 1, false, false, false, false, false,
+                         "the rise of pull and torque at low slip is slower under heavy load"},
+                        {"shear_rate", "peak_shear"},
+                        "three loads at slips of 0.02 to 0.2; a shear box at three stresses"};
+  return out;
+}
+
+class PressureDependentK final : public Effect {
+ public:
+  using Effect::Effect;
+  unsigned hooks() const override { return kShear; }
+  double shear(const bekker::Context&, const bekker::Point& q, const bekker::LocalSoil& s, double sigma,
+               double tau) const override {
+    const double j = q.shear_displacement;
+    if (!(j > 0) || !std::isfinite(j)) return tau;
+    const double softer = s.shear_modulus * std::max(0.05, 1.0 + p(0) * sigma / 1e4);
+    return tau * std::expm1(-j / softer) / std::expm1(-j / s.shear_modulus);
+  }
+};
+
+}  // namespace
+
+EffectType pressure_dependent_K() { return detail::type_of<PressureDependentK, info>(); }
+
+}  // namespace terrode::effects

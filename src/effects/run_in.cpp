@@ -1,0 +1,44 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "effects/effect.h"
+
+namespace terrode::effects {
+namespace {
+
+const Info& info() {
+  static const Info out{
+      "run_in",
+      Class::compaction,
+      "run-in",
+      "The rut and the heap in front take a distance to form: sinkage and forces approach their steady "
+      "value over more than a contact length.",
+      "c, tan(phi), k: x [1 - exp(-x_rim/length)/2 (strength), 1 + exp(-x_rim/length)/2 (k)], x_rim the "
+      "rim's path",
+      "constructed here, after the non-stationary start of single-wheel runs",
+      {{"length", "m", 0, 0, 3, 0.1, 0.1, Scale::linear, true, "rim travel over which it settles"}},
+      "pressure and shear, by travel",
+      {0, 0, 0, false, false, false, true, false, "drift from the start of each run that ends with the distance"},
+      {"sensor_drift", "density_gradient"},
+      "longer runs; restart in the same rut"};
+  return out;
+}
+
+class RunIn final : public Effect {
+ public:
+  using Effect::Effect;
+  unsigned hooks() const override { return kSoil; }
+  void soil(const bekker::Context& c, const bekker::Point&, bekker::LocalSoil& s) const override {
+    const double left = 0.5 * std::exp(-std::abs(c.wheel_angle) * c.radius / p(0));
+    s.k *= 1.0 + left;
+    s.cohesion *= 1.0 - left;
+    s.tan_phi *= 1.0 - left;
+  }
+};
+
+}  // namespace
+
+EffectType run_in() { return detail::type_of<RunIn, info>(); }
+
+}  // namespace terrode::effects

@@ -1,0 +1,42 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "effects/effect.h"
+
+namespace terrode::effects {
+namespace {
+
+const Info& info() {
+  static const Info out{
+      "slip_sinkage",
+      Class::compaction,
+      "slip sinkage",
+      "Slip digs: soil under a slipping wheel is carried away and the pressure-sinkage exponent rises with "
+      "the slip ratio, so the wheel sinks more at the same load.",
+      "n = n0 + n1 |s| (beyond s = -1: |s| becomes 2 + 1/s, which ends at 2 for a locked wheel)",
+      "Ding et al. 2011, J. Terramechanics 48:27 (exponent that changes with slip)",
+      {{"n1", "-", 0, -0.3, 2, 0.35, 0.4, Scale::linear, true, "growth of the exponent with slip"}},
+      "pressure",
+      {-1, 1, 1, false, false, false, false, false,
+       "sinkage rises convexly with slip, pull falls at high slip, torque hardly changes"},
+      {"rear_contact", "penetration_rate", "run_in"},
+      "five slips or more up to 0.5 and beyond, with a known sinkage datum"};
+  return out;
+}
+
+class SlipSinkage final : public Effect {
+ public:
+  using Effect::Effect;
+  unsigned hooks() const override { return kSoil; }
+  void soil(const bekker::Context& c, const bekker::Point&, bekker::LocalSoil& s) const override {
+    const double a = c.slip >= -1 ? std::abs(c.slip) : 2.0 + 1.0 / c.slip;
+    s.n += p(0) * a;
+  }
+};
+
+}  // namespace
+
+EffectType slip_sinkage() { return detail::type_of<SlipSinkage, info>(); }
+
+}  // namespace terrode::effects

@@ -1,0 +1,43 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "effects/effect.h"
+
+namespace terrode::effects {
+namespace {
+
+const Info& info() {
+  static const Info out{
+      "undulation",
+      Class::bed,
+      "undulating surface",
+      "The surface waves along the travel: the wheel follows it, climbing and descending.",
+      "z_measured = z - A sin(2 pi x/L); DP = DP - W dz0/dx",
+      "geometry",
+      {{"amplitude", "m", 0, 0, 0.05, 0.002, 0.002, Scale::linear, true, "of the wave"},
+       {"wavelength", "m", 0.2, 0.01, 5, 0.2, 0.2, Scale::log, false, "along the travel"}},
+      "bed",
+      {0, 0, 0, false, false, true, false, false, "sinkage and pull wave with position, a quarter wave apart"},
+      {"density_gradient"},
+      "a profile of the fresh bed"};
+  return out;
+}
+
+class Undulation final : public Effect {
+ public:
+  using Effect::Effect;
+  bool has_bed() const override { return true; }
+  double bed_height(double x) const override { return p(0) * std::sin(2.0 * std::numbers::pi * x / p(1)); }
+  void quasi_static(const Sample& m, Reading& r) const override {
+    const double phase = 2.0 * std::numbers::pi * m.position / p(1);
+    r.sinkage -= p(0) * std::sin(phase);
+    r.drawbar_pull -= m.context.normal_load * p(0) * 2.0 * std::numbers::pi / p(1) * std::cos(phase);
+  }
+};
+
+}  // namespace
+
+EffectType undulation() { return detail::type_of<Undulation, info>(); }
+
+}  // namespace terrode::effects
