@@ -3,14 +3,13 @@
 #include <fmt/format.h>
 #include <ode/ode.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
 #include <cstring>
 #include <mutex>
-
-#include <Eigen/Eigenvalues>
 
 namespace terrode::multibody {
 
@@ -116,11 +115,18 @@ Problems MassProperties::validate(const std::string& key) const {
     p.push_back({{}, 0, 0, key + ".inertia", "is not symmetric", "a symmetric matrix"});
   const Vec3 i = Eigen::SelfAdjointEigenSolver<Mat3>(inertia_B).eigenvalues();  // ascending
   if (!(i.x() > 0.0))
-    p.push_back({{}, 0, 0, key + ".inertia", fmt::format("has the principal moment {:.6g} kg m2", i.x()),
+    p.push_back({{},
+                 0,
+                 0,
+                 key + ".inertia",
+                 fmt::format("has the principal moment {:.6g} kg m2", i.x()),
                  "principal moments above 0"});
   if (i.x() + i.y() < i.z() * (1.0 - 1e-9))
-    p.push_back({{}, 0, 0, key + ".inertia", fmt::format("has principal moments {:.6g}, {:.6g}, {:.6g} kg m2", i.x(),
-                                                         i.y(), i.z()),
+    p.push_back({{},
+                 0,
+                 0,
+                 key + ".inertia",
+                 fmt::format("has principal moments {:.6g}, {:.6g}, {:.6g} kg m2", i.x(), i.y(), i.z()),
                  "two moments whose sum is at least the third, as of any real body"});
   return p;
 }
@@ -298,9 +304,10 @@ bool AxisJoint::saturated() const {
 
 void AxisJoint::check(double time) const {
   if (motor_.may_saturate || !saturated()) return;
-  throw RunError(fmt::format("joint '{}' at t = {:.9g} s: the motor needs {:.6g} of at most {:.6g} (N or N m) and no "
-                             "longer imposes its motion; raise max_effort, or allow saturation",
-                             name_, time, effort_, motor_.max_effort));
+  throw RunError(
+      fmt::format("joint '{}' at t = {:.9g} s: the motor needs {:.6g} of at most {:.6g} (N or N m) and no "
+                  "longer imposes its motion; raise max_effort, or allow saturation",
+                  name_, time, effort_, motor_.max_effort));
 }
 
 void AxisJoint::save(std::vector<double>& s) const {
@@ -392,9 +399,7 @@ void Hinge::load_state(const double*& s) {
 
 void Hinge::set_param(int parameter, double value) { dJointSetHingeParam(id_, parameter, value); }
 
-double Hinge::project(const Wrench& load) const {
-  return (load.M_W - arm_before_.cross(load.F_W)).dot(axis_before_);
-}
+double Hinge::project(const Wrench& load) const { return (load.M_W - arm_before_.cross(load.F_W)).dot(axis_before_); }
 
 // ------------------------------------------------------------------------------------------------------- other joints
 
@@ -465,7 +470,8 @@ void AngularMotor::set_velocity(std::size_t axis, double velocity) {
   dJointSetAMotorParam(id_, dParamVel + group(axis), velocity);
 }
 
-// Three massless rods to points 1 m away resist one direction each; their error repair is off, so that they are dampers.
+// Three massless rods to points 1 m away resist one direction each; their error repair is off, so that they are
+// dampers.
 struct SoilDamper::Rows {
   dJointID rod[3];
   dJointFeedback rod_feedback[3];
@@ -507,9 +513,10 @@ using SymmetricEigen = Eigen::SelfAdjointEigenSolver<Mat3>;
 void SoilDamper::set(const Vec3& p, const Mat3& D, const Mat3& R) {
   if (!p.allFinite() || !D.allFinite() || !R.allFinite() || D.cwiseAbs().maxCoeff() >= largest_number ||
       R.cwiseAbs().maxCoeff() >= largest_number)
-    throw RunError(fmt::format("'{}' on body '{}' at t = {:.9g} s: the ground's contact stiffness or damping is not "
-                               "finite; check the soil's parameters",
-                               name_, body_.name(), world_.time()));
+    throw RunError(
+        fmt::format("'{}' on body '{}' at t = {:.9g} s: the ground's contact stiffness or damping is not "
+                    "finite; check the soil's parameters",
+                    name_, body_.name(), world_.time()));
   const SymmetricEigen d(0.5 * (D + D.transpose()));
   D_.setZero();
   for (int i = 0; i < 3; ++i) {
@@ -670,10 +677,11 @@ void World::check_finite() const {
     else if (!good(vec(dBodyGetTorque(b->id_))))
       what = "external moment";
     if (what != nullptr)
-      throw RunError(fmt::format("body '{}' at t = {:.9g} s (step {}): its {} is not finite or beyond 1e30 SI units; "
-                                 "the run has diverged or a force law returned a wrong number: try a smaller time "
-                                 "step, then check the soil's parameters",
-                                 b->name(), time_, steps_, what));
+      throw RunError(
+          fmt::format("body '{}' at t = {:.9g} s (step {}): its {} is not finite or beyond 1e30 SI units; "
+                      "the run has diverged or a force law returned a wrong number: try a smaller time "
+                      "step, then check the soil's parameters",
+                      b->name(), time_, steps_, what));
   }
 }
 
@@ -690,9 +698,10 @@ void World::step(double h) {
   if (solved == 0)
     throw RunError(fmt::format("the step at t = {:.9g} s failed: no memory for the rigid-body solver", time_));
   if (sink.count > 0)
-    throw RunError(fmt::format("the rigid-body solver at t = {:.9g} s (step {}) says: '{}'; likely two joints hold the "
-                               "same motion, or a force is far out of proportion",
-                               time_, steps_, sink.last));
+    throw RunError(
+        fmt::format("the rigid-body solver at t = {:.9g} s (step {}) says: '{}'; likely two joints hold the "
+                    "same motion, or a force is far out of proportion",
+                    time_, steps_, sink.last));
   for (const auto& j : joints_) j->read();
   const double before = time_;
   // Compensated sum: t is n h to rounding after any number of steps.
@@ -712,7 +721,11 @@ double World::mechanical_energy() const {
 }
 
 std::vector<double> World::snapshot() const {
-  std::vector<double> s = {time_, time_carry_, static_cast<double>(steps_), options_.gravity.x(), options_.gravity.y(),
+  std::vector<double> s = {time_,
+                           time_carry_,
+                           static_cast<double>(steps_),
+                           options_.gravity.x(),
+                           options_.gravity.y(),
                            options_.gravity.z()};
   for (const auto& b : bodies_) {
     const dReal* p = dBodyGetPosition(b->id_);
@@ -732,7 +745,11 @@ std::vector<double> World::snapshot() const {
 
 void World::restore(const std::vector<double>& state) {
   if (state.size() != snapshot().size())
-    throw InputError(Problem{{}, 0, 0, "snapshot", fmt::format("has {} numbers", state.size()),
+    throw InputError(Problem{{},
+                             0,
+                             0,
+                             "snapshot",
+                             fmt::format("has {} numbers", state.size()),
                              fmt::format("{}, as a world of these bodies and joints has", snapshot().size())});
   const double* s = state.data();
   time_ = s[0];

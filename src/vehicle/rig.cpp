@@ -46,8 +46,8 @@ Problems RigSpec::validate() const {
   require(p, "rig.sample_interval", sample_interval, "s", sample_interval >= 0.0, "a time, 0 or more");
   require(p, "rig.ramp_time", ramp_time, "s", ramp_time >= 0.0, "a time, 0 or more");
   require(p, "rig.lowering_speed", lowering_speed, "m/s", lowering_speed > 0.0, "a speed above 0");
-  require(p, "rig.touchdown_tolerance", touchdown_tolerance, "-", touchdown_tolerance > 0.0 && touchdown_tolerance < 1.0,
-          "a share between 0 and 1");
+  require(p, "rig.touchdown_tolerance", touchdown_tolerance, "-",
+          touchdown_tolerance > 0.0 && touchdown_tolerance < 1.0, "a share between 0 and 1");
   require(p, "rig.touchdown_time", touchdown_time, "s", touchdown_time > 0.0, "a time above 0");
   require(p, "rig.bearing_torque", bearing_torque, "N m", bearing_torque >= 0.0, "a torque, 0 or more");
   require(p, "rig.start_x", start_x, "m", true, "a finite position");
@@ -64,13 +64,15 @@ Problems RigMotion::validate() const {
     require(p, "motion.slip", slip, "-", slip <= 1.0, "at most 1 (s = 1 - v/(omega r))");
   if (mode == RigMode::towed || (mode == RigMode::imposed_slip && locked)) {
     if (!forward_velocity)
-      p.push_back({{}, 0, 0, "motion.forward_velocity", "is missing", "the speed at which the wheel is towed or dragged"});
+      p.push_back(
+          {{}, 0, 0, "motion.forward_velocity", "is missing", "the speed at which the wheel is towed or dragged"});
     else
       require(p, "motion.forward_velocity", *forward_velocity, "m/s", *forward_velocity > 0.0, "a speed above 0");
   }
   if (pulled(mode)) {
     require(p, "motion.pull", pull, "N", true, "a finite force");
-    if (locked) p.push_back({{}, 0, 0, "motion.angular_velocity", "is 0 rad/s", "a turning wheel where it has to pull"});
+    if (locked)
+      p.push_back({{}, 0, 0, "motion.angular_velocity", "is 0 rad/s", "a turning wheel where it has to pull"});
     require(p, "motion.slip_limit", slip_limit, "-", slip_limit > 0.0, "a slip above 0");
   }
   if (mode == RigMode::pull_ramp)
@@ -169,9 +171,10 @@ void Rig::check_buried(const char* phase) const {
   const Vec3 p = parts_->wheel.pose().p_W;
   const double sinkage = ground_->undisturbed_height(p.x(), p.y()) - (p.z() - radius_);
   if (sinkage >= radius_)
-    throw RunError(fmt::format("{} at t = {:.6g} s: the wheel is buried to its axle (sinkage {:.4g} m, radius {:.4g} m); "
-                               "the soil does not carry {:.6g} N",
-                               phase, parts_->world.time(), sinkage, radius_, spec_.normal_load));
+    throw RunError(
+        fmt::format("{} at t = {:.6g} s: the wheel is buried to its axle (sinkage {:.4g} m, radius {:.4g} m); "
+                    "the soil does not carry {:.6g} N",
+                    phase, parts_->world.time(), sinkage, radius_, spec_.normal_load));
 }
 
 // One step with the joints as they are driven now; fills last_.
@@ -233,9 +236,10 @@ void Rig::touch_down(const Progress& progress) {
     if (stiffness > 0.0) speed = std::clamp(missing / (10.0 * h * stiffness), -speed, speed);
     r.lift.set_motor({-speed});
     if (r.world.time() > spec_.touchdown_time)
-      throw RunError(fmt::format("touchdown: after {:.3g} s the ground carries {:.6g} of {:.6g} N at a sinkage of {:.4g} m; "
-                                 "the soil does not carry the load, or lowering_speed is too small",
-                                 r.world.time(), F, W, depth));
+      throw RunError(
+          fmt::format("touchdown: after {:.3g} s the ground carries {:.6g} of {:.6g} N at a sinkage of {:.4g} m; "
+                      "the soil does not carry the load, or lowering_speed is too small",
+                      r.world.time(), F, W, depth));
     if (r.world.steps() % 64 == 0 && progress.stop_requested())
       throw Interrupted("stopped during touchdown; nothing is kept");
     advance("touchdown");
@@ -256,14 +260,13 @@ void Rig::step() {
   if (ended_ || !pulled(motion_.mode) || last_.time < spec_.ramp_time) return;
   if (last_.slip > motion_.slip_limit) {
     ended_ = true;
-    events_.push_back(fmt::format("slip passed {:.3g} at t = {:.6g} s under a pull of {:.6g} N: the wheel cannot hold it",
-                                  motion_.slip_limit, last_.time, applied_pull_));
+    events_.push_back(
+        fmt::format("slip passed {:.3g} at t = {:.6g} s under a pull of {:.6g} N: the wheel cannot hold it",
+                    motion_.slip_limit, last_.time, applied_pull_));
   }
 }
 
-bool Rig::finished() const {
-  return ended_ || (static_cast<double>(steps_) + 0.5) * spec_.time_step > planned_;
-}
+bool Rig::finished() const { return ended_ || (static_cast<double>(steps_) + 0.5) * spec_.time_step > planned_; }
 
 double Rig::simulated_seconds() const { return parts_->world.time(); }
 
@@ -289,7 +292,9 @@ recording::Condition condition_of(const RigSpec& spec, const RigMotion& motion) 
     case RigMode::imposed_slip:
       c.slip = motion.angular_velocity == 0.0 ? -std::numeric_limits<double>::infinity() : motion.slip;
       break;
-    case RigMode::towed: c.extra["mode"] = "towed"; break;
+    case RigMode::towed:
+      c.extra["mode"] = "towed";
+      break;
     case RigMode::force_controlled:
       c.extra["mode"] = "force_controlled";
       c.extra["pull"] = fmt::format("{:.17g}", motion.pull);

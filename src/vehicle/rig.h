@@ -1,15 +1,15 @@
 // The single-wheel rig: carriage on a rail along x, hub that slides freely up and down on it, driven wheel on the hub.
 //
-// How a run goes. (1) Touchdown: with carriage and wheel at rest the hub is lowered by a servo whose speed falls with the
-// load still missing, min(lowering_speed, (W - F)/(10 h K)), K the larger of the ground's own contact stiffness and
+// How a run goes. (1) Touchdown: with carriage and wheel at rest the hub is lowered by a servo whose speed falls with
+// the load still missing, min(lowering_speed, (W - F)/(10 h K)), K the larger of the ground's own contact stiffness and
 // F/sinkage, so that it comes to rest at static equilibrium without overshoot; then the servo lets go. (2) Rim and
 // carriage speed rise together by 10 u^3 - 15 u^4 + 6 u^5 over `ramp_time`, so that slip is the commanded one from the
 // start and no acceleration jumps.
 // (3) The run proper. Time zero and the first sample are at the start of (2).
 //
-// What a sample is. Forces come from the joints' multipliers, means over a step for the pose before it, with the inertia
-// of what hangs on the joint taken out: drawbar_pull = d(sum m v_x)/dt - rail force - other applied forces, that is the
-// ground's force on the wheel; driving_torque = axle torque - I_yy d(omega)/dt. A sample is the mean over
+// What a sample is. Forces come from the joints' multipliers, means over a step for the pose before it, with the
+// inertia of what hangs on the joint taken out: drawbar_pull = d(sum m v_x)/dt - rail force - other applied forces,
+// that is the ground's force on the wheel; driving_torque = axle torque - I_yy d(omega)/dt. A sample is the mean over
 // `sample_interval`, stamped with the mean of its steps' beginnings.
 #pragma once
 
@@ -56,41 +56,41 @@ struct RigMotion {
   RigMode mode = RigMode::imposed_slip;
   // imposed_slip: s = 1 - v/(omega r), below or equal 1. With angular_velocity 0 (locked wheel) forward_velocity rules.
   double slip = 0.2;
-  double angular_velocity = 0.3;                // rad/s
-  std::optional<double> forward_velocity;       // m/s: towed and locked wheels; absent elsewhere
-  double pull = 0.0;                            // N resisting (positive backwards); pull_ramp: where it begins
-  double final_pull = 60.0;                     // N, pull_ramp: where it ends
-  double slip_limit = 0.95;                     // pull_ramp and force_controlled end beyond it
+  double angular_velocity = 0.3;           // rad/s
+  std::optional<double> forward_velocity;  // m/s: towed and locked wheels; absent elsewhere
+  double pull = 0.0;                       // N resisting (positive backwards); pull_ramp: where it begins
+  double final_pull = 60.0;                // N, pull_ramp: where it ends
+  double slip_limit = 0.95;                // pull_ramp and force_controlled end beyond it
   // Length of the run after the ramp: the carriage's travel [m], but no more than five times it at the rim.
   double distance = 0.7;
-  std::optional<double> duration;               // s after the ramp; overrides distance
+  std::optional<double> duration;  // s after the ramp; overrides distance
 
   Problems validate() const;
 };
 
 // One step (or the mean over several).
 struct RigSample {
-  double time = 0.0;               // s
-  double forward_velocity = 0.0;   // m/s of the carriage
-  double angular_velocity = 0.0;   // rad/s
-  double slip = 0.0;               // 1 - v/(omega r); the commanded one while the rim stands
-  double sinkage = 0.0;            // m, undisturbed surface under the axle to the rim's lowest point
-  double drawbar_pull = 0.0;       // N
-  double driving_torque = 0.0;     // N m
-  double normal_load = 0.0;        // N, the ground's vertical force
-  double lateral_force = 0.0;      // N, the ground's force along y
+  double time = 0.0;                   // s
+  double forward_velocity = 0.0;       // m/s of the carriage
+  double angular_velocity = 0.0;       // rad/s
+  double slip = 0.0;                   // 1 - v/(omega r); the commanded one while the rim stands
+  double sinkage = 0.0;                // m, undisturbed surface under the axle to the rim's lowest point
+  double drawbar_pull = 0.0;           // N
+  double driving_torque = 0.0;         // N m
+  double normal_load = 0.0;            // N, the ground's vertical force
+  double lateral_force = 0.0;          // N, the ground's force along y
   double compaction_resistance = 0.0;  // N, as the ground reports
-  double position = 0.0;           // m travelled by the carriage since time zero
-  double wheel_angle = 0.0;        // rad turned since time zero
-  double vertical_velocity = 0.0;  // m/s of the hub
+  double position = 0.0;               // m travelled by the carriage since time zero
+  double wheel_angle = 0.0;            // rad turned since time zero
+  double vertical_velocity = 0.0;      // m/s of the hub
   double contact_count = 0.0;
 };
 
 // Energy since touchdown began [J]; closed when residual() is small against `drive`.
 struct RigEnergy {
-  double drive = 0.0;     // work of motors, load and gravity on the machine
-  double kinetic = 0.0;   // gain of kinetic energy
-  double ground = 0.0;    // work done on the ground
+  double drive = 0.0;                                             // work of motors, load and gravity on the machine
+  double kinetic = 0.0;                                           // gain of kinetic energy
+  double ground = 0.0;                                            // work done on the ground
   double stored = 0.0, plastic = 0.0, slip = 0.0, damping = 0.0;  // where the ground says it went
   double machine_residual() const { return drive - kinetic - ground; }
   double ground_residual() const { return ground - stored - plastic - slip - damping; }
@@ -129,6 +129,9 @@ class Rig {
   Simulation& simulation() { return *simulation_; }
   const RigSpec& spec() const { return spec_; }
   const RigMotion& motion() const { return motion_; }
+
+  // Gives the ground up, ruts and all, for a next pass; the rig is done then.
+  std::unique_ptr<terrain::Terrain> release_ground() { return std::move(ground_); }
 
   // Between steps, bit-exact; samples already taken by run() are not part of it.
   RigState snapshot() const;

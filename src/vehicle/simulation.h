@@ -64,8 +64,8 @@ class Simulation {
   std::vector<Twist> before_;
 };
 
-// The matrices of one implicit contact: a point p (world) that is resisted by D, and a rotational rest R; the best fit of
-// this form to the 6 x 6 matrix B (forces; moments about `origin_W`). D and R may have negative eigenvalues.
+// The matrices of one implicit contact: a point p (world) that is resisted by D, and a rotational rest R; the best fit
+// of this form to the 6 x 6 matrix B (forces; moments about `origin_W`). D and R may have negative eigenvalues.
 struct PointResistance {
   Vec3 p_W = Vec3::Zero();
   Mat3 D = Mat3::Zero();

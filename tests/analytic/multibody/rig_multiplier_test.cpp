@@ -75,9 +75,7 @@ class HeldWheel {
     if (topology_ == Topology::motors) return linear_->load().on_body.F_W.x();
     return topology_ == Topology::sliders ? slide_x_->effort() : slide_z_->load().on_body.F_W.x();
   }
-  double torque() const {
-    return topology_ == Topology::motors ? angular_->load().on_body.M_W.y() : hinge_->effort();
-  }
+  double torque() const { return topology_ == Topology::motors ? angular_->load().on_body.M_W.y() : hinge_->effort(); }
   // Momentum along x of every body that hangs on the joint whose force is read; each with its own velocity, since
   // joints repair position errors of rounding size by velocities that differ.
   double carried_momentum() const {

@@ -1,0 +1,169 @@
+#include "vehicle/slip_sweep.h"
+
+#include <fmt/format.h>
+
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <ctime>
+#include <limits>
+#include <mutex>
+
+#include "core/parallel.h"
+
+namespace terrode::vehicle {
+
+namespace {
+
+double thread_cpu_seconds() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+std::string label(const std::string& method, const recording::Condition& c) {
+  return fmt::format("{} at slip {:.4g}", method, c.slip);
+}
+
+}  // namespace
+
+std::vector<SweepPoint> sweep(const std::vector<SweepMethod>& methods,
+                              const std::vector<recording::Condition>& conditions, const SweepOptions& options,
+                              const Progress& progress) {
+  Problems p;
+  if (methods.empty()) p.push_back({{}, 0, 0, "sweep.methods", "is empty", "at least one method"});
+  if (conditions.empty()) p.push_back({{}, 0, 0, "sweep.slips", "is empty", "at least one slip"});
+  throw_if_any(p);
+
+  struct Task {
+    const SweepMethod* method;
+    const recording::Condition* condition;
+  };
+  std::vector<Task> tasks;
+  for (const SweepMethod& m : methods)
+    for (const recording::Condition& c : conditions)
+      if (!options.skip || !options.skip(m.name, c)) tasks.push_back({&m, &c});
+
+  std::vector<SweepPoint> points(tasks.size());
+  std::vector<std::atomic<double>> fractions(tasks.size());
+  std::atomic<std::size_t> ended{0};
+  std::atomic<bool> interrupted{false};
+  std::mutex mutex;
+  const double total = static_cast<double>(tasks.size());
+
+  parallel_for(tasks.size(), options.threads, [&](std::size_t i) {
+    const Task& task = tasks[i];
+    SweepPoint& point = points[i];
+    point.method = task.method->name;
+    point.condition = *task.condition;
+    if (interrupted || progress.stop_requested()) {
+      interrupted = true;
+      return;
+    }
+    Progress own;
+    own.stop_requested = [&] { return interrupted || progress.stop_requested(); };
+    own.report = [&](double fraction, const std::string&) {
+      fractions[i] = fraction;
+      double sum = 0.0;
+      for (const auto& f : fractions) sum += f;
+      progress.report(sum / total, label(point.method, point.condition));
+    };
+    const double cpu = thread_cpu_seconds();
+    const auto wall = std::chrono::steady_clock::now();
+    try {
+      point.result = task.method->run(*task.condition, own);
+    } catch (const Interrupted&) {
+      interrupted = true;
+      return;
+    } catch (const std::exception& e) {
+      point.error = e.what();
+    }
+    point.cpu_seconds = point.result.cpu_seconds.value_or(thread_cpu_seconds() - cpu);
+    point.wall_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall).count();
+    point.result.run.condition = point.condition;
+    own.report(1.0, {});
+    const std::lock_guard<std::mutex> lock(mutex);
+    ++ended;
+    if (options.on_point) options.on_point(point);
+  });
+  if (interrupted)
+    throw Interrupted(
+        fmt::format("sweep stopped after {} of {} points; those that ended are kept, run the same command "
+                    "again to go on",
+                    ended.load(), tasks.size()));
+  return points;
+}
+
+std::vector<recording::Condition> conditions_at(const std::vector<double>& slips, double normal_load,
+                                                double angular_velocity, double radius) {
+  std::vector<recording::Condition> out;
+  for (const double slip : slips) {
+    recording::Condition c;
+    c.slip = slip;
+    c.normal_load = normal_load;
+    const bool locked = std::isinf(slip) && slip < 0.0;
+    c.angular_velocity = locked ? 0.0 : angular_velocity;
+    c.forward_velocity = angular_velocity * radius * (locked ? 1.0 : 1.0 - slip);
+    out.push_back(c);
+  }
+  return out;
+}
+
+SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& soil, const bekker::ContactAngles& angles,
+                          const bekker::PointLaw& law, const bekker::SteadyOptions& options) {
+  const auto solver = std::make_shared<const bekker::SteadyWheel>(wheel, soil, angles, law, options);
+  const auto run = [solver](const recording::Condition& c, const Progress&) {
+    bekker::Operating o;
+    o.slip = c.slip;
+    o.normal_load = c.normal_load.value_or(o.normal_load);
+    o.angular_velocity = c.angular_velocity.value_or(o.angular_velocity);
+    o.forward_velocity = c.forward_velocity.value_or(o.forward_velocity);
+    o.pass = c.pass;
+    const bekker::SteadyState s = solver->solve(o);
+    PointResult out;
+    auto& values = out.run.steady;
+    values[recording::channel::drawbar_pull].mean = s.drawbar_pull;
+    values[recording::channel::driving_torque].mean = s.driving_torque;
+    values[recording::channel::sinkage].mean = s.sinkage;
+    values[recording::channel::normal_load].mean = s.normal_load;
+    values["entry_angle"].mean = s.entry_angle;
+    values["peak_angle"].mean = s.peak_angle;
+    values["compaction_resistance"].mean = s.compaction_resistance;
+    if (s.peak_clamped)
+      out.events.push_back("the angle of largest stress lay outside the contact and was moved to its end");
+    return out;
+  };
+  return {"steady", run};
+}
+
+SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMotion& motion,
+                       std::shared_ptr<const wheel::Body> shape,
+                       std::function<std::unique_ptr<terrain::Terrain>(const recording::Condition&)> ground) {
+  throw_if_any(spec.validate());
+  const auto run = [=](const recording::Condition& c, const Progress& progress) {
+    RigSpec s = spec;
+    RigMotion m = motion;
+    s.normal_load = c.normal_load.value_or(s.normal_load);
+    m.slip = c.slip;
+    m.angular_velocity = c.angular_velocity.value_or(m.angular_velocity);
+    if (c.forward_velocity) m.forward_velocity = c.forward_velocity;
+    if (std::isinf(c.slip) && c.slip < 0.0) m.angular_velocity = 0.0;
+    std::unique_ptr<terrain::Terrain> bed = ground(c);
+    PointResult out;
+    for (int pass = 1; pass <= c.pass; ++pass) {
+      Rig rig(s, m, shape, std::move(bed));
+      Progress share = progress;
+      share.report = [&](double fraction, const std::string& what) {
+        progress.report((pass - 1 + fraction) / c.pass, what);
+      };
+      out.run = rig.run(share);
+      out.events = rig.events();
+      out.simulated_seconds += rig.simulated_seconds();
+      bed = rig.release_ground();
+    }
+    return out;
+  };
+  return {name, run};
+}
+
+}  // namespace terrode::vehicle

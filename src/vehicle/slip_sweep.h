@@ -1,0 +1,78 @@
+// A slip sweep: one wheel at several slips by one or several methods, points spread over threads.
+//
+// What a point returns is a recording::Run: a time series for the rig (node-spring, dem, any ground), steady values for
+// the steady Bekker / Wong-Reece wheel. Averaging a series over whole periods after its transient, with a standard
+// error, is analysis::steady_state, which the caller applies: this room knows no statistics. Every point is computed
+// from its own inputs alone, so that numbers do not depend on the number of threads or on which other points are asked
+// for.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "bekker/steady_wheel.h"
+#include "core/progress.h"
+#include "recording/recording.h"
+#include "vehicle/rig.h"
+
+namespace terrode::vehicle {
+
+struct PointResult {
+  recording::Run run;
+  std::vector<std::string> events;    // what the run has to say, e.g. why it ended early
+  double simulated_seconds = 0.0;     // touchdown included; 0 for a method without time
+  std::optional<double> cpu_seconds;  // where the method uses threads of its own; absent: measured by the sweep
+};
+
+// A method by name: `steady`, `node-spring`, `dem`, ... `run` is called from several threads at once and throws
+// InputError or RunError when a point fails.
+struct SweepMethod {
+  std::string name;
+  std::function<PointResult(const recording::Condition&, const Progress&)> run;
+};
+
+struct SweepPoint {
+  std::string method;
+  recording::Condition condition;
+  PointResult result;
+  std::string error;         // empty where the point went well
+  double cpu_seconds = 0.0;  // processor time that the point took
+  double wall_seconds = 0.0;
+};
+
+struct SweepOptions {
+  int threads = 0;  // 0: all cores
+  // Called once for each point as it ends, one at a time but in any order: write it there, and an interrupted sweep can
+  // be resumed.
+  std::function<void(const SweepPoint&)> on_point;
+  // Points for which this is true are left out (they are there already).
+  std::function<bool(const std::string& method, const recording::Condition&)> skip;
+};
+
+// Runs every condition by every method. Points come back in order: conditions of the first method, of the second, ...
+// A failed point carries its error and the sweep goes on. Throws InputError without methods or conditions, Interrupted
+// when asked to stop: points that had ended were given to on_point.
+std::vector<SweepPoint> sweep(const std::vector<SweepMethod>& methods,
+                              const std::vector<recording::Condition>& conditions, const SweepOptions& options = {},
+                              const Progress& progress = {});
+
+// Conditions of one wheel at these slips; a slip of -infinity is a locked wheel dragged at omega r.
+std::vector<recording::Condition> conditions_at(const std::vector<double>& slips, double normal_load,
+                                                double angular_velocity, double radius);
+
+// The steady wheel as a method named `steady`. Steady values: drawbar_pull, driving_torque, sinkage, normal_load,
+// entry_angle, peak_angle, compaction_resistance. What `law` points to must outlive the method.
+SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& soil, const bekker::ContactAngles& angles,
+                          const bekker::PointLaw& law = {}, const bekker::SteadyOptions& options = {});
+
+// The rig on a ground as a method. `ground` makes a fresh one for each point (called from several threads); load, speed
+// and slip of spec and motion are replaced by the condition's. A condition's pass above 1 runs the earlier passes
+// first, on the same ground from the same start.
+SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMotion& motion,
+                       std::shared_ptr<const wheel::Body> shape,
+                       std::function<std::unique_ptr<terrain::Terrain>(const recording::Condition&)> ground);
+
+}  // namespace terrode::vehicle
