@@ -10,6 +10,7 @@
 #include <mutex>
 
 #include "core/parallel.h"
+#include "vehicle/instruments.h"
 
 namespace terrode::vehicle {
 
@@ -110,22 +111,48 @@ std::vector<recording::Condition> conditions_at(const std::vector<double>& slips
 }
 
 SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& soil, const bekker::ContactAngles& angles,
-                          const bekker::PointLaw& law, const bekker::SteadyOptions& options) {
-  const auto solver = std::make_shared<const bekker::SteadyWheel>(wheel, soil, angles, law, options);
-  const auto run = [solver](const recording::Condition& c, const Progress&) {
+                          const effects::EffectSet& effects, const bekker::PointLaw& law,
+                          const bekker::SteadyOptions& options) {
+  struct Model {
+    effects::EffectSet effects;
+    std::vector<const bekker::StressModifier*> modifiers;
+    std::optional<bekker::SteadyWheel> wheel;
+  };
+  const auto model = std::make_shared<Model>();
+  model->effects = effects;
+  model->modifiers.assign(law.modifiers.begin(), law.modifiers.end());
+  for (const bekker::StressModifier* m : model->effects.modifiers()) model->modifiers.push_back(m);
+  bekker::PointLaw whole = law;
+  whole.modifiers = model->modifiers;
+  model->wheel.emplace(wheel, soil, angles, whole, options);
+  const auto run = [model](const recording::Condition& c, const Progress&) {
     bekker::Operating o;
     o.slip = c.slip;
     o.normal_load = c.normal_load.value_or(o.normal_load);
     o.angular_velocity = c.angular_velocity.value_or(o.angular_velocity);
     o.forward_velocity = c.forward_velocity.value_or(o.forward_velocity);
     o.pass = c.pass;
-    const bekker::SteadyState s = solver->solve(o);
+    const bekker::SteadyWheel& solver = *model->wheel;
+    const bekker::SteadyState s = solver.solve(o);
+    bekker::Context context;
+    context.slip = c.slip;
+    context.normal_load = o.normal_load;
+    context.angular_velocity = std::isinf(c.slip) ? 0.0 : o.angular_velocity;
+    context.forward_velocity =
+        std::isinf(c.slip) ? o.forward_velocity : o.angular_velocity * solver.wheel().radius * (1.0 - c.slip);
+    context.pass = c.pass;
+    context.radius = solver.wheel().radius;
+    context.width = solver.wheel().width;
+    context.unit_weight = solver.soil().unit_weight();
+    context.sinkage = s.sinkage;
+    effects::Reading reading{s.drawbar_pull, s.driving_torque, s.sinkage, s.normal_load};
+    apply_instruments(model->effects, context, reading);
     PointResult out;
     auto& values = out.run.steady;
-    values[recording::channel::drawbar_pull].mean = s.drawbar_pull;
-    values[recording::channel::driving_torque].mean = s.driving_torque;
-    values[recording::channel::sinkage].mean = s.sinkage;
-    values[recording::channel::normal_load].mean = s.normal_load;
+    values[recording::channel::drawbar_pull].mean = reading.drawbar_pull;
+    values[recording::channel::driving_torque].mean = reading.driving_torque;
+    values[recording::channel::sinkage].mean = reading.sinkage;
+    values[recording::channel::normal_load].mean = reading.normal_load;
     values["entry_angle"].mean = s.entry_angle;
     values["peak_angle"].mean = s.peak_angle;
     values["compaction_resistance"].mean = s.compaction_resistance;
@@ -138,12 +165,14 @@ SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& so
 
 SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMotion& motion,
                        std::shared_ptr<const wheel::Body> shape,
-                       std::function<std::unique_ptr<terrain::Terrain>(const recording::Condition&)> ground) {
+                       std::function<std::unique_ptr<terrain::Terrain>(const recording::Condition&)> ground,
+                       const effects::EffectSet& effects) {
   throw_if_any(spec.validate());
   const auto run = [=](const recording::Condition& c, const Progress& progress) {
     RigSpec s = spec;
     RigMotion m = motion;
-    s.normal_load = c.normal_load.value_or(s.normal_load);
+    const double load = c.normal_load.value_or(s.normal_load);
+    s.normal_load = load_on_soil(effects, load);
     m.slip = c.slip;
     m.angular_velocity = c.angular_velocity.value_or(m.angular_velocity);
     if (c.forward_velocity) m.forward_velocity = c.forward_velocity;
@@ -161,6 +190,9 @@ SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMo
       out.simulated_seconds += rig.simulated_seconds();
       bed = rig.release_ground();
     }
+    out.run.condition = c;
+    out.run.condition.normal_load = load;
+    apply_instruments(effects, *shape->rolling(), out.run);
     return out;
   };
   return {name, run};

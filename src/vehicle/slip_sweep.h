@@ -15,6 +15,7 @@
 
 #include "bekker/steady_wheel.h"
 #include "core/progress.h"
+#include "effects/effect.h"
 #include "recording/recording.h"
 #include "vehicle/rig.h"
 
@@ -64,15 +65,19 @@ std::vector<recording::Condition> conditions_at(const std::vector<double>& slips
                                                 double angular_velocity, double radius);
 
 // The steady wheel as a method named `steady`. Steady values: drawbar_pull, driving_torque, sinkage, normal_load,
-// entry_angle, peak_angle, compaction_resistance. What `law` points to must outlive the method.
+// entry_angle, peak_angle, compaction_resistance. `effects` act on soil, wheel, bed and instruments; what else `law`
+// points to must outlive the method.
 SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& soil, const bekker::ContactAngles& angles,
-                          const bekker::PointLaw& law = {}, const bekker::SteadyOptions& options = {});
+                          const effects::EffectSet& effects = {}, const bekker::PointLaw& law = {},
+                          const bekker::SteadyOptions& options = {});
 
 // The rig on a ground as a method. `ground` makes a fresh one for each point (called from several threads); load, speed
-// and slip of spec and motion are replaced by the condition's. A condition's pass above 1 runs the earlier passes
-// first, on the same ground from the same start.
+// and slip of spec and motion are replaced by the condition's. Of `effects` the rig takes what acts on the load and on
+// the instruments; those of soil, wheel and bed are for `ground` to build in. A condition's pass above 1 runs the
+// earlier passes first, on the same ground from the same start.
 SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMotion& motion,
                        std::shared_ptr<const wheel::Body> shape,
-                       std::function<std::unique_ptr<terrain::Terrain>(const recording::Condition&)> ground);
+                       std::function<std::unique_ptr<terrain::Terrain>(const recording::Condition&)> ground,
+                       const effects::EffectSet& effects = {});
 
 }  // namespace terrode::vehicle

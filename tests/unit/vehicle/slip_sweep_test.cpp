@@ -114,6 +114,28 @@ TEST(SlipSweep, EarlierPassesRunFirst) {
   EXPECT_GT(points[0].result.simulated_seconds, 2.4);
 }
 
+TEST(SlipSweep, EffectsOfRigAndSensorsShowInEveryMethod) {
+  RigMotion motion;
+  motion.duration = 0.3;
+  const auto shape = std::make_shared<wheel::Wheel>(wheel::WheelShape{});
+  const auto ground = [](const recording::Condition&) { return std::make_unique<terrain::RigidTerrain>(); };
+  const effects::EffectSet off;
+  const effects::EffectSet on(std::map<std::string, std::map<std::string, double>>{
+      {"drawbar_bias", {{"offset", 7.0}}}, {"guide_friction", {{"force", 15.0}}}});
+  const auto conditions = conditions_at({0.3}, 115.0, 0.3, 0.13);
+  const auto plain =
+      sweep({steady_method({}, {}, {}, off), rig_method("rigid", {}, motion, shape, ground, off)}, conditions);
+  const auto with =
+      sweep({steady_method({}, {}, {}, on), rig_method("rigid", {}, motion, shape, ground, on)}, conditions);
+  const auto lighter = sweep({steady_method({}, {}, {})}, conditions_at({0.3}, 100.0, 0.3, 0.13));
+  EXPECT_NEAR(with[0].result.run.steady.at("drawbar_pull").mean,
+              lighter[0].result.run.steady.at("drawbar_pull").mean + 7.0, 1e-6);
+  EXPECT_LT(with[0].result.run.steady.at("sinkage").mean, plain[0].result.run.steady.at("sinkage").mean);
+  EXPECT_NEAR(with[1].result.run.find("drawbar_pull")->values.back(), 0.6 * 100.0 + 7.0, 1e-3);
+  EXPECT_NEAR(plain[1].result.run.find("drawbar_pull")->values.back(), 0.6 * 115.0, 1e-3);
+  EXPECT_EQ(with[1].result.run.condition.normal_load, 115.0);
+}
+
 TEST(SlipSweep, EmptySweepIsRefused) {
   EXPECT_THROW(sweep({}, paper_conditions()), InputError);
   EXPECT_THROW(sweep({rigid_method()}, {}), InputError);
