@@ -1,55 +1,117 @@
 #include "cli/commands.h"
 
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <exception>
 
+#include "cli/terminal.h"
 #include "core/problem.h"
 #include "core/progress.h"
 #include "core/version.h"
 
+// One line a command: X(name) stands for add_name() of src/cli/name.cpp. In the order in which help lists them.
+#define TERRODE_COMMANDS(X) \
+  X(sweep)                  \
+  X(export)                 \
+  X(validate)               \
+  X(schema)                 \
+  X(completion)             \
+  X(man)
+
 namespace terrode::cli {
+
+#define TERRODE_DECLARE(name) void add_##name(CLI::App& app, Common& common);
+TERRODE_COMMANDS(TERRODE_DECLARE)
+#undef TERRODE_DECLARE
+
 namespace {
 
-using AddCommand = void (*)(CLI::App& app, Common& common);
+std::string quoted(const std::string& word) {
+  if (!word.empty() && word.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=./:,@%") == std::string::npos)
+    return word;
+  std::string out = "'";
+  for (const char c : word) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return out + "'";
+}
 
-struct Entry {
-  const char* name;
-  AddCommand add;
-};
+void say(const Common& common, const Problems& problems, const std::string& what) {
+  if (common.json) print_json(error_json(what, problems));
+  for (const Problem& p : problems) std::fprintf(stderr, "%s%s\n", p.file.empty() ? "terrode: " : "", p.text().c_str());
+  if (problems.empty()) std::fprintf(stderr, "terrode: %s\n", what.c_str());
+}
 
-// One line each: {name, function that adds the subcommand}.
-const Entry kCommands[] = {
-    {"", nullptr},
-};
+// What went to standard output must have arrived there.
+int flushed(int status) {
+  if (std::fflush(stdout) == 0 && !std::ferror(stdout)) return status;
+  std::fprintf(stderr, "terrode: cannot write to standard output: %s\n", std::strerror(errno));
+  return status == 0 ? 1 : status;
+}
 
 }  // namespace
 
 void add_common(CLI::App& command, Common& common, bool with_report) {
   command.add_flag("--json", common.json, "one JSON document on standard output");
-  command.add_option("-j,--threads", common.threads, "number of threads (default: all cores)")->check(CLI::Range(0, 1024));
-  command.add_option("--seed", common.seed, "seed of everything random (default: 1)");
+  command.add_option("-j,--threads", common.threads, "number of threads (default: all cores)")
+      ->check(CLI::Range(0, 1024))
+      ->type_name("N");
+  CLI::Option* seed = command.add_option("--seed", common.seed, "seed of everything random (default: the scenario's, else 1)")
+                          ->check(CLI::Range(0ul, 2147483647ul))
+                          ->type_name("N");
   command.add_flag("--quiet", common.quiet, "no progress and no notes");
-  if (with_report) command.add_option("--report", common.report, "write a report page to this HTML file");
+  if (with_report)
+    command.add_option("--report", common.report, "write a report page to this HTML file")->type_name("FILE.html");
+  command.parse_complete_callback([seed, &common] { common.seed_option = seed; });
+}
+
+void build(CLI::App& app, Common& common) {
+  app.set_version_flag("--version", std::string("terrode ") + version() + " (" + commit() + ")");
+  app.require_subcommand(1);
+  app.footer("Exit status: 0 done, 1 the work failed, 2 the input or the command line is wrong, 130 interrupted.");
+#define TERRODE_ADD(name) add_##name(app, common);
+  TERRODE_COMMANDS(TERRODE_ADD)
+#undef TERRODE_ADD
 }
 
 int run(int argc, char** argv) {
   CLI::App app{"Terrode: predicts how a wheel pulls, sinks and takes torque on deformable soil", "terrode"};
-  app.set_version_flag("--version", std::string("terrode ") + version() + " (" + commit() + ")");
-  app.require_subcommand(1);
   Common common;
-  for (const Entry& e : kCommands)
-    if (e.add) e.add(app, common);
+  common.command_line = "terrode";
+  for (int i = 1; i < argc; ++i) common.command_line += " " + quoted(argv[i]);
+  build(app, common);
+  catch_interrupts();
   try {
     app.parse(argc, argv);
-    return 0;
+    return flushed(common.status);
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  } catch (const InputError& e) {
-    std::fprintf(stderr, "terrode: %s\n", e.what());
+    if (e.get_exit_code() == 0) return flushed(app.exit(e));  // --help, --version
+    if (app.get_subcommands().empty() && argc > 1 && argv[1][0] != '-') {
+      std::vector<std::string> names;
+      for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) names.push_back(command->get_name());
+      const std::string near = nearest_word(argv[1], names);
+      std::fprintf(stderr, "terrode: '%s' is not a command%s (see 'terrode --help')\n", argv[1],
+                   near.empty() ? "" : fmt::format(" (did you mean '{}'?)", near).c_str());
+      return 2;
+    }
+    if (common.json) print_json(error_json(e.what(), {}));
+    std::string hint = "terrode";
+    for (const CLI::App* command : app.get_subcommands()) hint += " " + command->get_name();
+    std::fprintf(stderr, "terrode: %s (see '%s --help')\n", command_line_error(app, e.what()).c_str(), hint.c_str());
     return 2;
+  } catch (const InputError& e) {
+    say(common, e.problems(), e.what());
+    return 2;
+  } catch (const Interrupted& e) {
+    std::fprintf(stderr, "terrode: interrupted. %s\n", e.what());
+    return 130;
+  } catch (const std::bad_alloc&) {
+    say(common, {}, "not enough memory");
+    return 1;
   } catch (const std::exception& e) {
-    std::fprintf(stderr, "terrode: %s\n", e.what());
+    say(common, {}, e.what());
     return 1;
   }
 }

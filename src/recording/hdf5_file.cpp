@@ -31,6 +31,8 @@ using Guard = std::lock_guard<std::recursive_mutex>;
 // Errors are collected by failure() and thrown; the library must not print them.
 void silence_library() {
   static const bool done = [] {
+    // Files are closed by their owners; the library's own clean-up at exit crashes on one whose last flush failed.
+    H5dont_atexit();
     H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
     return true;
   }();
@@ -47,6 +49,12 @@ std::string error_text() {
   H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, collect, &messages);
   H5Eclear2(H5E_DEFAULT);
   if (messages.empty()) return "unknown HDF5 error";
+  // Where the system said why, its words are enough: "No space left on device".
+  const std::string mark = "error message = '";
+  if (const auto at = messages.front().find(mark); at != std::string::npos) {
+    const auto begin = at + mark.size();
+    return messages.front().substr(begin, messages.front().find('\'', begin) - begin);
+  }
   return messages.size() == 1 ? messages.front() : messages.front() + " (" + messages.back() + ")";
 }
 

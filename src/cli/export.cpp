@@ -1,0 +1,63 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+
+#include "cli/sweep_result.h"
+#include "cli/terminal.h"
+#include "recording/result_file.h"
+
+namespace terrode::cli {
+namespace {
+
+struct Arguments {
+  std::string result, format = "csv", output;
+};
+
+std::string series_csv(const recording::Run& run) {
+  std::string out = "time [s]";
+  for (const recording::Channel& c : run.channels) out += "," + (c.unit.empty() ? c.name : fmt::format("{} [{}]", c.name, c.unit));
+  out += "\n";
+  for (std::size_t i = 0; i < run.time.size(); ++i) {
+    out += fmt::format("{}", run.time[i]);
+    for (const recording::Channel& c : run.channels) out += std::isfinite(c.values[i]) ? fmt::format(",{}", c.values[i]) : ",";
+    out += "\n";
+  }
+  return out;
+}
+
+void export_csv(const Arguments& a) {
+  const recording::Hdf5File file = recording::Hdf5File::open(a.result);
+  recording::read_header(file);
+  std::string text;
+  if (file.is_group("/run")) {
+    text = series_csv(recording::read_series(file, "/run"));
+  } else {
+    std::vector<scenario::MethodResult> results;
+    for (const std::string& method : recording::result_methods(file))
+      results.push_back({method, from_table(recording::read_table(file, "/sweep/" + method))});
+    text = sweep_csv(results);
+  }
+  if (a.output.empty())
+    std::fwrite(text.data(), 1, text.size(), stdout);
+  else
+    write_text_atomically(a.output, text);
+}
+
+}  // namespace
+
+void add_export(CLI::App& app, Common& common) {
+  CLI::App* command = app.add_subcommand("export", "a result for spreadsheets (csv)");
+  const auto a = std::make_shared<Arguments>();
+  const std::vector<std::string> formats = {"csv"};
+  command->add_option("RESULT", a->result, "result file (HDF5)")->required()->type_name("");
+  command->add_option("--to", a->format, "csv")->required()->check(CLI::IsMember(formats))->type_name("FORMAT");
+  command->add_option("-o,--output", a->output, "file to write (default: standard output)")->type_name("FILE");
+  common.words["export --to"] = formats;
+  add_common(*command, common, false);
+  command->callback([a] { export_csv(*a); });
+}
+
+}  // namespace terrode::cli

@@ -1,0 +1,20 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+
+#include "cli/terminal.h"
+#include "scenario/scenario.h"
+
+namespace terrode::cli {
+
+void add_schema(CLI::App& app, Common& common) {
+  CLI::App* command = app.add_subcommand("schema", "print the JSON Schema of a scenario or recording, for editors");
+  const auto what = std::make_shared<std::string>("scenario");
+  const std::vector<std::string> kinds = {"scenario"};
+  command->add_option("KIND", *what, "what to describe (default: scenario)")->check(CLI::IsMember(kinds))->type_name("");
+  common.words["schema KIND"] = kinds;
+  add_common(*command, common, false);
+  command->callback([what] { std::fputs(scenario::scenario_schema().c_str(), stdout); });
+}
+
+}  // namespace terrode::cli

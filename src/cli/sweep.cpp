@@ -1,0 +1,220 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <set>
+
+#include "cli/sweep_result.h"
+#include "cli/terminal.h"
+#include "scenario/sweep.h"
+
+namespace terrode::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using scenario::OperatingPoint;
+using scenario::SweepPoint;
+
+constexpr const char* kPending = "not computed yet";
+
+struct Arguments {
+  std::string scenario, output, csv, slips;
+  std::vector<std::string> methods;
+  bool overwrite = false;
+};
+
+// What decides whether points of two sweeps belong into one file: everything but which points and methods were asked for.
+std::string physics_of(scenario::Scenario s, std::uint64_t seed) {
+  s.title.clear();
+  s.methods.clear();
+  s.slips.clear();
+  s.conditions.clear();
+  s.measured.reset();
+  s.rig.slip = 0.0;
+  s.seed = static_cast<int>(seed);
+  return scenario::to_yaml(s);
+}
+
+// The result file of a sweep: known points when it was begun before, written anew in one step each time some are added.
+class SweepFile {
+ public:
+  SweepFile(const std::string& path, recording::ResultHeader header, bool overwrite, const Common& common)
+      : path_(path), header_(std::move(header)) {
+    const fs::path folder = fs::absolute(path).parent_path();
+    if (!fs::is_directory(folder)) throw InputError({path, 0, 0, {}, fmt::format("the folder {} does not exist", folder.string()), {}});
+    if (overwrite || !fs::exists(path)) return;
+    const recording::Hdf5File file = recording::Hdf5File::open(path);
+    const recording::ResultHeader old = recording::read_header(file);
+    if (old.filetype != header_.filetype || old.scenario_resolved != header_.scenario_resolved)
+      throw InputError({path, 0, 0, {}, fmt::format("holds results of another scenario or seed ({}, {})", old.scenario_file, old.created),
+                        "another name after -o, or --overwrite"});
+    if (old.generator != header_.generator) note(common, fmt::format("{} was begun by {}", path, old.generator));
+    for (const std::string& method : recording::result_methods(file))
+      rows_[method] = from_table(recording::read_table(file, "/sweep/" + method));
+    keep_ = true;
+  }
+
+  // The row of a point, appended where there is none yet.
+  SweepPoint& row(const std::string& method, const OperatingPoint& at, std::size_t* index = nullptr) {
+    std::vector<SweepPoint>& rows = rows_[method];
+    std::size_t i = 0;
+    while (i < rows.size() && !scenario::same_point(rows[i].at, at)) ++i;
+    if (i == rows.size()) {
+      rows.emplace_back();
+      rows.back().at = at;
+      rows.back().error = kPending;
+    }
+    if (index) *index = i;
+    return rows[i];
+  }
+
+  void put(const std::string& method, const SweepPoint& point) {
+    std::size_t index = 0;
+    SweepPoint& target = row(method, point.at, &index);
+    target = point;
+    if (point.series) new_series_[{method, index}] = point.series;
+    dirty_ = true;
+  }
+
+  // Writes what is new; at most every few seconds unless `now`.
+  void save(bool now) {
+    if (!now && (!dirty_ || std::chrono::steady_clock::now() - saved_ < std::chrono::seconds(3))) return;
+    recording::write_atomically(path_, keep_, [this](recording::Hdf5File& file) {
+      recording::write_header(file, header_);
+      for (const auto& [method, rows] : rows_) recording::write_table(file, "/sweep/" + method, to_table(rows));
+      for (const auto& [where, series] : new_series_) {
+        const std::string group = fmt::format("/sweep/{}/runs/{:04}", where.first, where.second);
+        if (file.exists(group)) file.remove(group);
+        recording::write_series(file, group, *series);
+      }
+    });
+    keep_ = true;
+    dirty_ = false;
+    new_series_.clear();
+    saved_ = std::chrono::steady_clock::now();
+  }
+
+ private:
+  std::string path_;
+  recording::ResultHeader header_;
+  std::map<std::string, std::vector<SweepPoint>> rows_;
+  std::map<std::pair<std::string, std::size_t>, std::shared_ptr<const recording::Run>> new_series_;
+  bool keep_ = false, dirty_ = true;
+  std::chrono::steady_clock::time_point saved_ = std::chrono::steady_clock::now();
+};
+
+// Where nothing could be computed because the soil does not carry the load, the load is what is wrong.
+void judge_failures(const scenario::Scenario& s, const std::vector<scenario::MethodResult>& results, Common& common) {
+  std::size_t failed = 0, all = 0;
+  const SweepPoint* example = nullptr;
+  std::set<std::string> said;
+  for (const auto& r : results) {
+    for (const SweepPoint& p : r.points) {
+      ++all;
+      if (!p.failed()) continue;
+      ++failed;
+      if (!example) example = &p;
+    }
+  }
+  if (failed == 0) return;
+  if (failed == all) {
+    Problems problems{{{}, 0, 0, "normal_load", fmt::format("is {} N: {}", example->at.normal_load, example->error), {}}};
+    try {
+      scenario::locate(problems, scenario::parse_yaml(s.text, s.file), s.file, "rig");
+    } catch (const InputError&) {
+    }
+    std::fprintf(stderr, "%s\n", problems.front().text().c_str());
+    common.status = 2;
+    return;
+  }
+  for (const auto& r : results)
+    for (const SweepPoint& p : r.points)
+      if (p.failed())
+        std::fprintf(stderr, "terrode: %s at slip %g failed: %s\n", r.method.c_str(), p.at.slip_given, p.error.c_str());
+  common.status = 1;
+}
+
+void sweep(const Arguments& arguments, Common& common) {
+  const scenario::Scenario s = scenario::load_scenario(arguments.scenario);
+  for (const std::string& n : s.notes) note(common, n);
+  scenario::SweepTask task;
+  task.methods = !arguments.methods.empty() ? arguments.methods : !s.methods.empty() ? s.methods : std::vector<std::string>{"steady"};
+  task.points = arguments.slips.empty() ? s.operating_points() : s.operating_points(scenario::parse_slips(arguments.slips));
+  task.threads = common.threads;
+  task.seed = common.seed_option && common.seed_option->count() > 0 ? common.seed : static_cast<std::uint64_t>(s.seed);
+  task.progress = show_progress(common);
+
+  std::unique_ptr<SweepFile> file;
+  std::size_t kept = 0;
+  if (!arguments.output.empty()) {
+    recording::ResultHeader header = recording::ResultHeader::now("terrode sweep");
+    header.title = s.title;
+    header.scenario_file = s.file;
+    header.scenario_text = s.text;
+    header.scenario_resolved = physics_of(s, task.seed);
+    header.slip_convention = s.rig.slip_convention;
+    header.command = common.command_line;
+    header.seed = static_cast<std::int64_t>(task.seed);
+    file = std::make_unique<SweepFile>(arguments.output, std::move(header), arguments.overwrite, common);
+    for (const std::string& m : task.methods)
+      for (const OperatingPoint& p : task.points) file->row(m, p);
+    // A file that cannot be written is known before the work, not after it.
+    file->save(true);
+    task.known = [&](const std::string& m, const OperatingPoint& at) -> const SweepPoint* {
+      const SweepPoint& row = file->row(m, at);
+      if (row.failed()) return nullptr;
+      ++kept;
+      return &row;
+    };
+    task.finished = [&](std::size_t m, std::size_t, const SweepPoint& point) {
+      file->put(task.methods[m], point);
+      file->save(false);
+    };
+  }
+
+  std::vector<scenario::MethodResult> results;
+  try {
+    results = scenario::run_sweep(s, task);
+  } catch (const Interrupted& e) {
+    task.progress = {};
+    if (!file) throw Interrupted(std::string(e.what()) + " None was kept: name a file with -o to go on later.");
+    file->save(true);
+    throw Interrupted(fmt::format("{} They are in {}; the same command goes on from there.", e.what(), arguments.output));
+  }
+  task.progress = {};
+  if (file) file->save(true);
+  if (kept > 0) note(common, fmt::format("{} points were in {} already", kept, arguments.output));
+  if (!arguments.csv.empty()) write_text_atomically(arguments.csv, sweep_csv(results));
+  if (common.json)
+    print_json(sweep_json(s.file, s.rig.slip_convention, results));
+  else
+    std::fputs(sweep_text(results).c_str(), stdout);
+  judge_failures(s, results, common);
+}
+
+}  // namespace
+
+void add_sweep(CLI::App& app, Common& common) {
+  CLI::App* command = app.add_subcommand("sweep", "slip sweep of a rig by one or several methods, side by side; resumable");
+  const auto a = std::make_shared<Arguments>();
+  command->add_option("SCENARIO", a->scenario, "scenario file, or a recording")->required()->type_name("");
+  command->add_option("--method", a->methods, "steady, node-spring, dem, mpi; several joined by commas")
+      ->delimiter(',')
+      ->check(CLI::IsMember(scenario::method_names()))
+      ->type_name("LIST");
+  command->add_option("--slip", a->slips, "slips, by the convention of the scenario: 0,0.1,0.3 or FROM:TO:STEP")->type_name("LIST");
+  command->add_option("-o,--output", a->output, "result file (HDF5); points that are in it already are not computed again")
+      ->type_name("OUT.h5");
+  command->add_option("--csv", a->csv, "write the table to this file")->type_name("FILE.csv");
+  command->add_flag("--overwrite", a->overwrite, "replace a result file of another scenario");
+  add_common(*command, common, true);
+  common.words["sweep --method"] = scenario::method_names();
+  command->callback([a, &common] { sweep(*a, common); });
+}
+
+}  // namespace terrode::cli

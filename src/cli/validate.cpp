@@ -1,0 +1,48 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+
+#include "cli/terminal.h"
+#include "scenario/scenario.h"
+
+namespace terrode::cli {
+namespace {
+
+void validate(const std::vector<std::string>& files, Common& common) {
+  Json checked = Json::array();
+  for (const std::string& file : files) {
+    Problems problems;
+    std::vector<std::string> notes;
+    try {
+      notes = scenario::load_scenario(file).notes;
+    } catch (const InputError& e) {
+      problems = e.problems();
+    }
+    if (!problems.empty()) common.status = 2;
+    Json entry = {{"file", file}, {"ok", problems.empty()}, {"problems", Json::array()}, {"notes", notes}};
+    for (Problem& p : problems) {
+      if (p.file.empty()) p.file = file;
+      entry["problems"].push_back(problem_json(p));
+      if (!common.json) std::printf("%s\n", p.text().c_str());
+    }
+    checked.push_back(std::move(entry));
+    if (common.json) continue;
+    for (const std::string& n : notes) note(common, n);
+    if (problems.empty()) std::printf("%s: ok\n", file.c_str());
+  }
+  if (common.json) print_json({{"files", checked}});
+}
+
+}  // namespace
+
+void add_validate(CLI::App& app, Common& common) {
+  CLI::App* command = app.add_subcommand("validate", "check scenarios and recordings; print every problem with its place");
+  const auto files = std::make_shared<std::vector<std::string>>();
+  command->add_option("FILE", *files, "scenarios, recordings (a folder or its recording.yaml)")->required()->type_name("");
+  add_common(*command, common, false);
+  command->callback([files, &common] { validate(*files, common); });
+}
+
+}  // namespace terrode::cli
