@@ -223,6 +223,23 @@ Vec3 ConvexPieces::support(const Vec3& d) const {
   return best;
 }
 
+namespace {
+
+// Normal of the piece at the point nearest to a point `gap` outside it: a ball that reaches in by little is pushed out
+// along it.
+Vec3 normal_near(const ConvexPieces::Piece& piece, const Vec3& p, double gap, const Vec3& otherwise) {
+  ccd_t ccd = settings();
+  ccd.support2 = ball_support;
+  ccd.center2 = ball_centre;
+  const Ball ball{p, gap + 1e-4 * piece.radius};
+  ccd_real_t depth = 0;
+  ccd_vec3_t dir, pos;
+  if (ccdMPRPenetration(&piece, &ball, &ccd, &depth, &dir, &pos) != 0 || !(depth > 0)) return otherwise;
+  return vec(&dir).normalized();
+}
+
+}  // namespace
+
 Closest ConvexPieces::closest(const Vec3& p) const {
   Closest best;
   best.distance = std::numeric_limits<double>::infinity();
@@ -230,19 +247,36 @@ Closest ConvexPieces::closest(const Vec3& p) const {
   ccd.support2 = ball_support;
   ccd.center2 = ball_centre;
   for (const Piece& piece : pieces_) {
-    // A ball about p that surely reaches the piece: its penetration depth less its radius is the distance, and the
-    // direction of least penetration the normal.
-    const double reach = (p - piece.centre).norm() + 1e-3 * piece.radius;
+    const double reach = (p - piece.centre).norm();
     if (reach - piece.radius > best.distance) continue;
-    Ball ball{p, reach};
-    ccd_real_t depth = 0;
-    ccd_vec3_t dir, pos;
-    if (ccdMPRPenetration(&piece, &ball, &ccd, &depth, &dir, &pos) != 0) continue;
-    const double distance = ball.radius - depth;
+    Ball ball{p, 0.0};
+    double distance;
+    Vec3 n;
+    if (ccdMPRIntersect(&piece, &ball, &ccd)) {
+      // Inside: the expanding polytope of the hull against the point ends on the nearest face.
+      ccd.epa_tolerance = 0.1 * accuracy;
+      ccd_real_t depth = 0;
+      ccd_vec3_t dir, pos;
+      if (ccdGJKPenetration(&piece, &ball, &ccd, &depth, &dir, &pos) != 0 || !(depth > 0)) {
+        distance = 0.0;
+        n = normal_near(piece, p, 0.0, (p - piece.centre).normalized());
+      } else {
+        distance = -depth;
+        n = vec(&dir).normalized();
+      }
+    } else {
+      double lo = 0.0, hi = reach;
+      while (hi - lo > 0.25 * accuracy) {
+        ball.radius = 0.5 * (lo + hi);
+        (ccdMPRIntersect(&piece, &ball, &ccd) ? hi : lo) = ball.radius;
+      }
+      distance = hi;
+      n = normal_near(piece, p, distance, (p - piece.centre).normalized());
+    }
     if (distance < best.distance) {
       best.distance = distance;
-      best.n_B = vec(&dir).normalized();
-      best.p_B = p - distance * best.n_B;
+      best.n_B = n;
+      best.p_B = p - distance * n;
     }
   }
   return best;
@@ -273,15 +307,8 @@ bool ConvexPieces::ray(const Vec3& o, const Vec3& d, RayHit& hit) const {
     hit.distance = touch;
     hit.p_B = o + touch * d;
     hit.side = false;
-    // A point a little outside gives the face's normal.
-    const Vec3 outside = o + (touch - 1e-4 * piece.radius) * d;
-    Ball ball{outside, (outside - piece.centre).norm()};
-    ccd_t ball_ccd = settings();
-    ball_ccd.support2 = ball_support;
-    ball_ccd.center2 = ball_centre;
-    ccd_real_t depth = 0;
-    ccd_vec3_t dir, pos;
-    hit.n_B = ccdMPRPenetration(&piece, &ball, &ball_ccd, &depth, &dir, &pos) == 0 ? Vec3(vec(&dir).normalized()) : Vec3(-d);
+    const double outside = 1e-4 * piece.radius;
+    hit.n_B = normal_near(piece, o + (touch - outside) * d, outside, -d);
   }
   return any;
 }
