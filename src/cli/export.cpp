@@ -35,7 +35,7 @@ void export_csv(const Arguments& a) {
   if (file.is_group("/run")) {
     text = series_csv(recording::read_series(file, "/run"));
   } else {
-    std::vector<scenario::MethodResult> results;
+    std::vector<MethodResult> results;
     for (const std::string& method : recording::result_methods(file))
       results.push_back({method, from_table(recording::read_table(file, "/sweep/" + method))});
     text = sweep_csv(results);

@@ -11,14 +11,13 @@
 
 #include "cli/sweep_result.h"
 #include "cli/terminal.h"
-#include "scenario/sweep.h"
+#include "scenario/methods.h"
 
 namespace terrode::cli {
 namespace {
 
 namespace fs = std::filesystem;
 using scenario::OperatingPoint;
-using scenario::SweepPoint;
 
 constexpr const char* kPending = "not computed yet";
 
@@ -63,7 +62,7 @@ class SweepFile {
   SweepPoint& row(const std::string& method, const OperatingPoint& at, std::size_t* index = nullptr) {
     std::vector<SweepPoint>& rows = rows_[method];
     std::size_t i = 0;
-    while (i < rows.size() && !scenario::same_point(rows[i].at, at)) ++i;
+    while (i < rows.size() && !same_point(rows[i].at, at)) ++i;
     if (i == rows.size()) {
       rows.emplace_back();
       rows.back().at = at;
@@ -109,7 +108,7 @@ class SweepFile {
 };
 
 // Where nothing could be computed because the soil does not carry the load, the load is what is wrong.
-void judge_failures(const scenario::Scenario& s, const std::vector<scenario::MethodResult>& results, Common& common) {
+void judge_failures(const scenario::Scenario& s, const std::vector<MethodResult>& results, Common& common) {
   std::size_t failed = 0, all = 0;
   const SweepPoint* example = nullptr;
   std::set<std::string> said;
@@ -139,60 +138,99 @@ void judge_failures(const scenario::Scenario& s, const std::vector<scenario::Met
   common.status = 1;
 }
 
+bool any_good(const std::vector<MethodResult>& results) {
+  for (const MethodResult& r : results)
+    for (const SweepPoint& p : r.points)
+      if (!p.failed()) return true;
+  return false;
+}
+
+std::vector<std::string> unique(const std::vector<std::string>& names) {
+  std::vector<std::string> out;
+  for (const std::string& n : names)
+    if (std::find(out.begin(), out.end(), n) == out.end()) out.push_back(n);
+  return out;
+}
+
 void sweep(const Arguments& arguments, Common& common) {
-  const scenario::Scenario s = scenario::load_scenario(arguments.scenario);
+  const scenario::Scenario s = scenario::load_scenario(arguments.scenario, common.threads);
   for (const std::string& n : s.notes) note(common, n);
-  scenario::SweepTask task;
-  task.methods = !arguments.methods.empty() ? arguments.methods : !s.methods.empty() ? s.methods : std::vector<std::string>{"steady"};
-  task.points = arguments.slips.empty() ? s.operating_points() : s.operating_points(scenario::parse_slips(arguments.slips));
-  task.threads = common.threads;
-  task.seed = common.seed_option && common.seed_option->count() > 0 ? common.seed : static_cast<std::uint64_t>(s.seed);
-  task.progress = show_progress(common);
+  const std::vector<std::string> names = !arguments.methods.empty() ? unique(arguments.methods)
+                                         : !s.methods.empty()       ? unique(s.methods)
+                                                                    : std::vector<std::string>{"steady"};
+  const std::vector<OperatingPoint> points =
+      arguments.slips.empty() ? s.operating_points() : s.operating_points(scenario::parse_slips(arguments.slips));
+  scenario::MethodSettings settings;
+  settings.seed = common.seed_option && common.seed_option->count() > 0 ? common.seed : static_cast<std::uint64_t>(s.seed);
+  std::vector<vehicle::SweepMethod> methods;
+  for (const std::string& name : names) methods.push_back(scenario::make_method(name, s, settings));
 
   std::unique_ptr<SweepFile> file;
-  std::size_t kept = 0;
   if (!arguments.output.empty()) {
     recording::ResultHeader header = recording::ResultHeader::now("terrode sweep");
     header.title = s.title;
     header.scenario_file = s.file;
     header.scenario_text = s.text;
-    header.scenario_resolved = physics_of(s, task.seed);
+    header.scenario_resolved = physics_of(s, settings.seed);
     header.slip_convention = s.rig.slip_convention;
     header.command = common.command_line;
-    header.seed = static_cast<std::int64_t>(task.seed);
+    header.seed = static_cast<std::int64_t>(settings.seed);
     file = std::make_unique<SweepFile>(arguments.output, std::move(header), arguments.overwrite, common);
-    for (const std::string& m : task.methods)
-      for (const OperatingPoint& p : task.points) file->row(m, p);
+    for (const std::string& m : names)
+      for (const OperatingPoint& p : points) file->row(m, p);
     // A file that cannot be written is known before the work, not after it.
     file->save(true);
-    task.known = [&](const std::string& m, const OperatingPoint& at) -> const SweepPoint* {
-      const SweepPoint& row = file->row(m, at);
-      if (row.failed()) return nullptr;
-      ++kept;
-      return &row;
-    };
-    task.finished = [&](std::size_t m, std::size_t, const SweepPoint& point) {
-      file->put(task.methods[m], point);
-      file->save(false);
-    };
   }
 
-  std::vector<scenario::MethodResult> results;
-  try {
-    results = scenario::run_sweep(s, task);
-  } catch (const Interrupted& e) {
-    task.progress = {};
-    if (!file) throw Interrupted(std::string(e.what()) + " None was kept: name a file with -o to go on later.");
-    file->save(true);
-    throw Interrupted(fmt::format("{} They are in {}; the same command goes on from there.", e.what(), arguments.output));
+  // Results in the order asked for; a condition knows its point by its place in the list.
+  std::vector<MethodResult> results;
+  std::vector<recording::Condition> conditions;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    conditions.push_back(scenario::condition_of(points[i], s.wheel.radius));
+    conditions.back().extra["point"] = std::to_string(i);
   }
-  task.progress = {};
+  std::set<std::pair<std::string, std::string>> there;
+  for (const std::string& name : names) {
+    results.push_back({name, {}});
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      SweepPoint point;
+      if (file) point = file->row(name, points[i]);
+      point.at = points[i];
+      if (file && !point.failed()) there.insert({name, std::to_string(i)});
+      results.back().points.push_back(std::move(point));
+    }
+  }
+  const auto place = [](const recording::Condition& c) { return c.extra.at("point"); };
+
+  vehicle::SweepOptions options;
+  options.threads = common.threads;
+  options.skip = [&](const std::string& method, const recording::Condition& c) { return there.contains({method, place(c)}); };
+  options.on_point = [&](const vehicle::SweepPoint& done) {
+    const std::size_t i = std::stoul(place(done.condition));
+    for (MethodResult& r : results) {
+      if (r.method != done.method) continue;
+      r.points[i] = summarise(done, points[i], scenario::averaging_period(done.method, s, points[i]));
+      if (!file) continue;
+      file->put(done.method, r.points[i]);
+      file->save(false);
+    }
+  };
+  Progress progress = show_progress(common);
+  try {
+    vehicle::sweep(methods, conditions, options, progress);
+  } catch (const Interrupted&) {
+    progress = {};
+    if (!file) throw Interrupted("Nothing was kept: name a file with -o to go on later.");
+    file->save(true);
+    throw Interrupted(fmt::format("What was computed is in {}; the same command goes on from there.", arguments.output));
+  }
+  progress = {};
   if (file) file->save(true);
-  if (kept > 0) note(common, fmt::format("{} points were in {} already", kept, arguments.output));
+  if (!there.empty()) note(common, fmt::format("{} points were in {} already", there.size(), arguments.output));
   if (!arguments.csv.empty()) write_text_atomically(arguments.csv, sweep_csv(results));
   if (common.json)
     print_json(sweep_json(s.file, s.rig.slip_convention, results));
-  else
+  else if (any_good(results))
     std::fputs(sweep_text(results).c_str(), stdout);
   judge_failures(s, results, common);
 }

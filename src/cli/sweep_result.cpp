@@ -4,12 +4,11 @@
 
 #include <cmath>
 
+#include "analysis/steady_state.h"
 #include "cli/terminal.h"
 
 namespace terrode::cli {
 namespace {
-
-using scenario::SweepPoint;
 
 struct Field {
   const char* name;
@@ -27,6 +26,8 @@ constexpr Field kFields[] = {
     {"drawbar_pull_sem", &SweepPoint::drawbar_pull_sem},
     {"driving_torque_sem", &SweepPoint::driving_torque_sem},
     {"sinkage_sem", &SweepPoint::sinkage_sem},
+    {"averaged_from", &SweepPoint::averaged_from},
+    {"averaged_to", &SweepPoint::averaged_to},
     {"cpu_seconds", &SweepPoint::cpu_seconds},
     {"simulated_seconds", &SweepPoint::simulated_seconds},
 };
@@ -46,6 +47,64 @@ std::string csv_head(const std::string& name) {
 std::string csv_number(double v) { return std::isfinite(v) ? fmt::format("{}", v) : std::string(); }
 
 }  // namespace
+
+bool same_point(const scenario::OperatingPoint& a, const scenario::OperatingPoint& b) {
+  return a.slip == b.slip && a.normal_load == b.normal_load && a.angular_velocity == b.angular_velocity && a.pass == b.pass;
+}
+
+SweepPoint summarise(const vehicle::SweepPoint& point, const scenario::OperatingPoint& at, std::optional<double> period) {
+  SweepPoint out;
+  out.at = at;
+  out.cpu_seconds = point.cpu_seconds;
+  out.error = point.error;
+  if (out.failed()) return out;
+  out.remarks = point.result.events;
+  const recording::Run& run = point.result.run;
+  namespace channel = recording::channel;
+  if (run.time.empty()) {
+    const auto value = [&run](const char* name) {
+      const auto found = run.steady.find(name);
+      return found == run.steady.end() ? SweepPoint::kUnknown : found->second.mean;
+    };
+    out.drawbar_pull = value(channel::drawbar_pull);
+    out.driving_torque = value(channel::driving_torque);
+    out.sinkage = value(channel::sinkage);
+    out.normal_load = value(channel::normal_load);
+    out.entry_angle = value("entry_angle");
+    return out;
+  }
+  out.simulated_seconds = point.result.simulated_seconds;
+  out.series = std::make_shared<recording::Run>(run);
+  analysis::SteadyOptions options;
+  options.period = period;
+  std::map<std::string, analysis::SteadyState> states;
+  try {
+    states = analysis::steady_states(run, options);
+  } catch (const InputError& e) {
+    out.error = fmt::format("the run is too short to average: {}", e.what());
+    return out;
+  }
+  const auto take = [&](const char* name, double& mean, double* std, double* sem) {
+    const auto found = states.find(name);
+    if (found == states.end()) return;
+    const analysis::SteadyState& s = found->second;
+    mean = s.mean;
+    if (std) *std = s.std;
+    if (sem) *sem = s.sem;
+    if (!std) return;
+    out.averaged_from = s.begin_time;
+    out.averaged_to = s.end_time;
+    if (!s.reached) {
+      out.steady = false;
+      out.remarks.push_back(fmt::format("{} has not reached a steady state: {}", name, s.reason));
+    }
+  };
+  take(channel::drawbar_pull, out.drawbar_pull, &out.drawbar_pull_std, &out.drawbar_pull_sem);
+  take(channel::driving_torque, out.driving_torque, &out.driving_torque_std, &out.driving_torque_sem);
+  take(channel::sinkage, out.sinkage, &out.sinkage_std, &out.sinkage_sem);
+  take(channel::normal_load, out.normal_load, nullptr, nullptr);
+  return out;
+}
 
 recording::ResultTable to_table(const std::vector<SweepPoint>& points) {
   recording::ResultTable out;
@@ -99,9 +158,9 @@ std::vector<SweepPoint> from_table(const recording::ResultTable& table) {
 }
 
 Json sweep_json(const std::string& scenario_file, const std::string& slip_convention,
-                const std::vector<scenario::MethodResult>& results) {
+                const std::vector<MethodResult>& results) {
   Json out = {{"scenario", scenario_file}, {"slip_convention", slip_convention}, {"results", Json::array()}};
-  for (const scenario::MethodResult& r : results) {
+  for (const MethodResult& r : results) {
     Json points = Json::array();
     for (const SweepPoint& p : r.points) {
       Json point = {{"slip", number(p.at.slip_given)}};
@@ -125,11 +184,11 @@ Json sweep_json(const std::string& scenario_file, const std::string& slip_conven
   return out;
 }
 
-std::string sweep_csv(const std::vector<scenario::MethodResult>& results) {
+std::string sweep_csv(const std::vector<MethodResult>& results) {
   std::string out = "method,slip,angular_velocity [rad/s],pass";
   for (const Field& f : kFields) out.append(",").append(csv_head(f.name));
   out += ",steady,error\n";
-  for (const scenario::MethodResult& r : results) {
+  for (const MethodResult& r : results) {
     for (const SweepPoint& p : r.points) {
       out += fmt::format("{},{},{},{}", csv_text(r.method), csv_number(p.at.slip_given), csv_number(p.at.angular_velocity), p.at.pass);
       for (const Field& f : kFields)
@@ -140,7 +199,7 @@ std::string sweep_csv(const std::vector<scenario::MethodResult>& results) {
   return out;
 }
 
-std::string sweep_text(const std::vector<scenario::MethodResult>& results) {
+std::string sweep_text(const std::vector<MethodResult>& results) {
   bool loads = false, speeds = false, passes = false, scatter = false;
   const SweepPoint* first = nullptr;
   for (const auto& r : results) {

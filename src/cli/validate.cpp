@@ -5,6 +5,8 @@
 #include <memory>
 
 #include "cli/terminal.h"
+#include "scenario/methods.h"
+#include "scenario/recording_file.h"
 #include "scenario/scenario.h"
 
 namespace terrode::cli {
@@ -16,7 +18,18 @@ void validate(const std::vector<std::string>& files, Common& common) {
     Problems problems;
     std::vector<std::string> notes;
     try {
-      notes = scenario::load_scenario(file).notes;
+      if (scenario::is_recording(file)) {
+        scenario::RecordingCheck check = scenario::check_recording(file, common.threads);
+        problems = std::move(check.problems);
+        notes = std::move(check.recording.remarks);
+      } else {
+        const scenario::Scenario s = scenario::load_scenario(file);
+        notes = s.notes;
+        s.bekker_soil();
+        s.contact_angles();
+        s.wheel_shape();
+        scenario::effect_set(s);
+      }
     } catch (const InputError& e) {
       problems = e.problems();
     }

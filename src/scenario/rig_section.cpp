@@ -12,13 +12,18 @@ Table<RigSpec> rig_table() {
   t.number("normal_load", "N", above(0), &RigSpec::normal_load, "vertical load on the soil, the wheel's weight included")
       .number("angular_velocity", "rad/s", above(0), &RigSpec::angular_velocity, "of the wheel")
       .choice("slip_convention", conventions, &RigSpec::slip_convention, "what every slip of this file means")
-      .choice("mode", {"imposed_slip", "imposed_pull", "towed"}, &RigSpec::mode, "what the rig imposes")
+      .choice("mode", {"imposed_slip", "imposed_pull", "pull_ramp", "towed"}, &RigSpec::mode, "what the rig imposes")
       .number("slip", "-", any_number(), &RigSpec::slip, "of a single run")
-      .number("pull", "N", any_number(), &RigSpec::pull, "drawbar pull of mode imposed_pull")
-      .number("travel", "m", above(0), &RigSpec::travel, "length of a run")
-      .number("ramp", "s", above(0), &RigSpec::ramp, "time in which load and speeds rise")
+      .number("pull", "N", any_number(), &RigSpec::pull, "resisting pull of mode imposed_pull; where pull_ramp begins")
+      .number("final_pull", "N", any_number(), &RigSpec::final_pull, "where pull_ramp ends")
+      .number("travel", "m", above(0), &RigSpec::travel, "of the carriage in a run")
+      .number("ramp", "s", above(0), &RigSpec::ramp, "time in which the speeds rise")
       .number("time_step", "s", {0, 0.1, true, false}, &RigSpec::time_step, "of the multibody simulation")
-      .number("gravity", "m/s^2", above(0), &RigSpec::gravity, "of the place");
+      .number("sample_interval", "s", above(0), &RigSpec::sample_interval, "of the time series")
+      .number("gravity", "m/s^2", above(0), &RigSpec::gravity, "of the place")
+      .number("slope", "rad", between(-1, 1), &RigSpec::slope, "of the rail, positive where it climbs")
+      .number("carriage_mass", "kg", above(0), &RigSpec::carriage_mass, "felt where the carriage is free")
+      .number("lifted_mass", "kg", above(0), &RigSpec::lifted_mass, "that moves up and down; absent: the load as dead weight");
   return t;
 }
 

@@ -3,12 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <set>
 #include <tuple>
 
 #include "core/units.h"
+#include "scenario/recording_file.h"
 #include "scenario/section.h"
 
 namespace terrode::scenario {
@@ -142,8 +144,53 @@ Scenario parse_scenario(const std::string& text, const std::string& file) {
   return out;
 }
 
-Scenario load_scenario(const std::string& path) {
+Scenario load_scenario(const std::string& path, int threads) {
+  if (is_recording(path)) {
+    Scenario out = scenario_of(load_recording(path, threads));
+    out.file = fs::is_directory(path) ? (fs::path(path) / "recording.yaml").string() : path;
+    out.text = read_text_file(out.file, ReadLimits{}.bytes);
+    return out;
+  }
   return parse_scenario(read_text_file(path, ReadLimits{}.bytes), path);
+}
+
+Scenario scenario_of(const recording::Recording& r) {
+  Scenario out;
+  out.file = (fs::path(r.folder) / "recording.yaml").string();
+  out.title = r.title;
+  out.from_recording = true;
+  out.wheel.radius = r.wheel.radius;
+  out.wheel.width = r.wheel.width;
+  out.wheel.mass = r.wheel.mass;
+  out.wheel.surface = r.wheel.surface;
+  out.wheel.grouser_count = r.wheel.grouser_count.value_or(0);
+  out.wheel.grouser_height = r.wheel.grouser_height.value_or(0.0);
+  out.soil = r.soil;
+  const auto convention = bekker::parse_slip_convention(r.slip_convention).value_or(bekker::SlipConvention::wong_reece);
+  out.rig.slip_convention = bekker::slip_convention_text(convention);
+  for (const recording::Run& run : r.runs) {
+    const recording::Condition& c = run.condition;
+    SweepCondition condition;
+    condition.slip = bekker::from_wong_reece(c.slip, convention);
+    condition.normal_load = c.normal_load;
+    condition.angular_velocity = c.angular_velocity;
+    // A locked wheel is dragged at the speed that its rim would have.
+    if (std::isinf(c.slip) && c.forward_velocity) condition.angular_velocity = *c.forward_velocity / r.wheel.radius;
+    condition.pass = c.pass;
+    if (!out.rig.normal_load && c.normal_load) out.rig.normal_load = c.normal_load;
+    const auto same = [&](const SweepCondition& o) {
+      return o.slip == condition.slip && o.normal_load == condition.normal_load &&
+             o.angular_velocity == condition.angular_velocity && o.pass == condition.pass;
+    };
+    if (std::none_of(out.conditions.begin(), out.conditions.end(), same)) out.conditions.push_back(condition);
+  }
+  if (!out.conditions.empty()) {
+    out.rig.slip = out.conditions.front().slip;
+    out.rig.angular_velocity = out.conditions.front().angular_velocity.value_or(out.rig.angular_velocity);
+  }
+  out.measured = r;
+  out.notes = r.remarks;
+  return out;
 }
 
 std::string to_yaml(const Scenario& in) {

@@ -5,6 +5,7 @@
 // and run conditions are then the scenario, its measurements what it is compared with.
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -41,13 +42,18 @@ struct RigSpec {
   std::optional<double> normal_load;  // N
   double angular_velocity = 0.3;      // rad/s
   std::string slip_convention = "s = 1 - v/(omega r)";
-  std::string mode = "imposed_slip";  // or imposed_pull (free slip), towed (no torque)
+  std::string mode = "imposed_slip";  // or imposed_pull (free slip), pull_ramp, towed (no torque)
   double slip = 0.2;                  // of a single run, by the file's convention
-  double pull = 0.0;                  // N, of mode imposed_pull
-  double travel = 0.7;                // m, wheel path of a run
-  double ramp = 0.5;                  // s, in which load and speeds rise
+  double pull = 0.0;                  // N resisting, of mode imposed_pull; where pull_ramp begins
+  double final_pull = 60.0;           // N, where pull_ramp ends
+  double travel = 0.7;                // m of the carriage after the ramp
+  double ramp = 0.5;                  // s, in which the speeds rise
   double time_step = 1e-3;            // s
+  double sample_interval = 5e-3;      // s
   double gravity = 9.81;              // m/s2
+  double slope = 0.0;                 // rad, positive where the rail climbs
+  double carriage_mass = 5.0;         // kg
+  std::optional<double> lifted_mass;  // kg that moves up and down; absent: the load as dead weight
 };
 
 // Settings of the node-spring ground.
@@ -55,10 +61,10 @@ struct TerrainSpec {
   double node_spacing = 3.3e-3;       // m
 };
 
-// One missing-physics effect that is switched on: its parameters as the file writes them.
+// One missing-physics effect that is switched on, with the parameters that are given (SI).
 struct EffectSpec {
   std::string id;
-  Node parameters;                    // a map: name to number or text with unit
+  std::map<std::string, double> parameters;
 };
 
 // One steady state that is asked for.
@@ -108,8 +114,11 @@ struct Scenario {
   wheel::WheelShape wheel_shape() const;
 };
 
-// Reads a scenario file, or a recording (a folder, or its recording.yaml). Throws InputError with every problem.
-Scenario load_scenario(const std::string& path);
+// Reads a scenario file, or a recording (a folder, or its recording.yaml; its runs on up to `threads` threads). Throws
+// InputError with every problem.
+Scenario load_scenario(const std::string& path, int threads = 1);
+// What a recording says of wheel, believed soil and run conditions, as a scenario; repeated conditions once.
+Scenario scenario_of(const recording::Recording& recording);
 // Reads a scenario from text; paths in it are relative to the folder of `file`.
 Scenario parse_scenario(const std::string& text, const std::string& file);
 // The scenario as YAML, complete in itself (soil and wheel inlined), that parse_scenario reads back.

@@ -59,6 +59,7 @@ TEST(Scenario, ReadsAWholeFile) {
   EXPECT_DOUBLE_EQ(soil.plate_width, 1.0);
   ASSERT_EQ(s.effects.size(), 1u);
   EXPECT_EQ(s.effects[0].id, "slip_sinkage");
+  EXPECT_DOUBLE_EQ(s.effects[0].parameters.at("n1"), 0.4);
   const auto points = s.operating_points();
   ASSERT_EQ(points.size(), 3u);
   EXPECT_DOUBLE_EQ(points[2].slip, 0.3);

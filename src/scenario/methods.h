@@ -1,0 +1,43 @@
+// From a scenario to what computes it: effects, rig, ground, and the methods of a slip sweep by name.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "effects/effect.h"
+#include "scenario/scenario.h"
+#include "terrain/terrain.h"
+#include "vehicle/rig.h"
+#include "vehicle/slip_sweep.h"
+
+namespace terrode::scenario {
+
+// The effects that the scenario switches on. Throws InputError (an unknown effect or parameter, a value out of bounds).
+effects::EffectSet effect_set(const Scenario& scenario);
+
+// The rig and its motion as the simulation takes them; load, speed and slip are those of single runs (rig.slip).
+vehicle::RigSpec rig_spec(const Scenario& scenario);
+vehicle::RigMotion rig_motion(const Scenario& scenario);
+
+struct MethodSettings {
+  std::uint64_t seed = 1;
+  int threads = 1;  // that one point may use itself
+};
+
+// A method made ready for this scenario. Throws InputError where the scenario lacks what the method needs, or the
+// method is not known.
+vehicle::SweepMethod make_method(const std::string& name, const Scenario& scenario, const MethodSettings& settings = {});
+
+// A fresh ground for a method that simulates in time ("node-spring", ...), under the scenario's wheel.
+std::unique_ptr<terrain::Terrain> make_ground(const std::string& method, const Scenario& scenario,
+                                              const recording::Condition& condition, const MethodSettings& settings = {});
+
+// The period over whose multiples a run's means are best taken [s]: the passing of a lug or of a ground node, or
+// nothing where the method has neither.
+std::optional<double> averaging_period(const std::string& method, const Scenario& scenario, const OperatingPoint& at);
+
+// As the sweep of the vehicle room takes it.
+recording::Condition condition_of(const OperatingPoint& at, double radius);
+
+}  // namespace terrode::scenario
