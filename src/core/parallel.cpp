@@ -42,4 +42,73 @@ void parallel_for(std::size_t count, int threads, const std::function<void(std::
   if (first) std::rethrow_exception(first);
 }
 
+struct Crew::State {
+  std::vector<std::thread> pool;
+  std::atomic<unsigned> round{0};      // raised to start a round
+  std::atomic<int> busy{0};            // members that have not finished this round
+  std::atomic<std::size_t> next{0};
+  std::atomic<bool> ending{false};
+  std::size_t count = 0;
+  const std::function<void(std::size_t)>* work = nullptr;
+
+  void take() {
+    for (std::size_t i = next.fetch_add(1); i < count; i = next.fetch_add(1)) (*work)(i);
+  }
+};
+
+namespace {
+// A round is short, so its ends are awaited actively for some microseconds before the thread sleeps.
+template <class T>
+void await_change(const std::atomic<T>& value, T old) {
+  for (int k = 0; k < 4000; ++k) {
+    if (value.load(std::memory_order_acquire) != old) return;
+#if defined(__x86_64__)
+    __builtin_ia32_pause();
+#endif
+  }
+  value.wait(old, std::memory_order_acquire);
+}
+}  // namespace
+
+Crew::Crew(int threads) : state_(std::make_unique<State>()) {
+  State* s = state_.get();
+  for (int t = 1; t < thread_count(threads); ++t)
+    s->pool.emplace_back([s] {
+      unsigned seen = 0;
+      for (;;) {
+        await_change(s->round, seen);
+        if (s->ending.load()) return;
+        seen = s->round.load(std::memory_order_acquire);
+        s->take();
+        if (s->busy.fetch_sub(1, std::memory_order_acq_rel) == 1) s->busy.notify_one();
+      }
+    });
+}
+
+Crew::~Crew() {
+  state_->ending.store(true);
+  state_->round.fetch_add(1);
+  state_->round.notify_all();
+  for (std::thread& t : state_->pool) t.join();
+}
+
+int Crew::threads() const { return static_cast<int>(state_->pool.size()) + 1; }
+
+void Crew::run(std::size_t count, const std::function<void(std::size_t)>& work) {
+  State& s = *state_;
+  if (s.pool.empty() || count < 2) {
+    for (std::size_t i = 0; i < count; ++i) work(i);
+    return;
+  }
+  s.count = count;
+  s.work = &work;
+  s.next.store(0);
+  s.busy.store(static_cast<int>(s.pool.size()));
+  s.round.fetch_add(1, std::memory_order_release);
+  s.round.notify_all();
+  s.take();
+  for (int left = s.busy.load(std::memory_order_acquire); left != 0; left = s.busy.load(std::memory_order_acquire))
+    await_change(s.busy, left);
+}
+
 }  // namespace terrode
