@@ -1,6 +1,7 @@
 // The inner loops, chosen at run time for the widest vectors the processor has. Plain functions on plain data.
 //
-// Particles are kept in three arrays of four doubles each (one or two loads fetch all of a neighbour that a loop needs):
+// Particles are kept in three arrays of four doubles each (one or two loads fetch all of a neighbour that a loop
+// needs):
 //   position  x y z radius        velocity  vx vy vz 1/mass (0: does not yield)     spin  wx wy wz 1/inertia
 // and loads in one of eight: fx fy fz 0 tx ty tz 0.
 #pragma once
@@ -21,10 +22,10 @@ struct PairArrays {
   double* load = nullptr;           // accumulated
   const std::int32_t* i = nullptr;  // of each slot; slots come in whole blocks, spare ones repeat the last pair
   const std::int32_t* j = nullptr;
-  double* history = nullptr;        // history_stride doubles a block
+  double* history = nullptr;  // history_stride doubles a block
   int history_stride = 0;
-  double* exported = nullptr;       // loads on partners of other chunks, eight doubles a slot of an external run
-  double period[3] = {0.0, 0.0, 0.0};          // m; 0: not periodic
+  double* exported = nullptr;          // loads on partners of other chunks, eight doubles a slot of an external run
+  double period[3] = {0.0, 0.0, 0.0};  // m; 0: not periodic
   double inverse_period[3] = {0.0, 0.0, 0.0};
   double dt = 0.0;
 };

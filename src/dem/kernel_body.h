@@ -34,7 +34,8 @@ TERRODE_KERNEL void evaluate_known(const PairLaw& law, Contact<Pack>& c, Pack* h
 }
 
 template <class Evaluate>
-TERRODE_KERNEL void run_pairs(const PairArrays& a, const PairLaw& law, const PairRun& run, const Evaluate& evaluate_law) {
+TERRODE_KERNEL void run_pairs(const PairArrays& a, const PairLaw& law, const PairRun& run,
+                              const Evaluate& evaluate_law) {
   constexpr int W = Pack::width;
   const int n_history = history_size(law);
   const bool periodic[3] = {a.period[0] > 0.0, a.period[1] > 0.0, a.period[2] > 0.0};
@@ -59,6 +60,8 @@ TERRODE_KERNEL void run_pairs(const PairArrays& a, const PairLaw& law, const Pai
     double* block = a.history + static_cast<long>(s / block_size) * a.history_stride + s % block_size;
     if (on == 0) {
       for (int k = 0; k < n_history; ++k) Pack(0.0).store(block + k * block_size);
+      if (run.external)
+        for (int k = 0; k < 8 * W; ++k) a.exported[8 * static_cast<long>(s - run.export_offset) + k] = 0.0;
       continue;
     }
     Pack vi[4], vj[4], wi[4], wj[4];
@@ -81,7 +84,8 @@ TERRODE_KERNEL void run_pairs(const PairArrays& a, const PairLaw& law, const Pai
     const Pack arm_i = xi[3] - half * c.overlap, arm_j = xj[3] - half * c.overlap;
     const Pack ux = vi[0] - vj[0], uy = vi[1] - vj[1], uz = vi[2] - vj[2];
     c.vn = ux * c.nx + uy * c.ny + uz * c.nz;
-    const Pack sx = arm_i * wi[0] + arm_j * wj[0], sy = arm_i * wi[1] + arm_j * wj[1], sz = arm_i * wi[2] + arm_j * wj[2];
+    const Pack sx = arm_i * wi[0] + arm_j * wj[0], sy = arm_i * wi[1] + arm_j * wj[1],
+               sz = arm_i * wi[2] + arm_j * wj[2];
     c.vtx = ux - c.vn * c.nx - (sy * c.nz - sz * c.ny);
     c.vty = uy - c.vn * c.ny - (sz * c.nx - sx * c.nz);
     c.vtz = uz - c.vn * c.nz - (sx * c.ny - sy * c.nx);
@@ -138,17 +142,19 @@ static void pairs(const PairArrays& a, const PairLaw& law_in, const PairRun& run
   const PairLaw law = law_in;
   const bool plain = law.normal == 1 && law.tangential == 1 && law.cohesion == 0;
   if (plain && law.rolling == 2)
-    run_pairs(a, law, run, [](const PairLaw& l, Contact<Pack>& c, Pack* h) __attribute__((always_inline)) {
-      evaluate_known<1, 2>(l, c, h);
-    });
+    run_pairs(
+        a, law, run, [](const PairLaw& l, Contact<Pack>& c, Pack* h) __attribute__((always_inline)) {
+          evaluate_known<1, 2>(l, c, h);
+        });
   else if (plain && law.rolling == 3)
-    run_pairs(a, law, run, [](const PairLaw& l, Contact<Pack>& c, Pack* h) __attribute__((always_inline)) {
-      evaluate_known<1, 3>(l, c, h);
-    });
+    run_pairs(
+        a, law, run, [](const PairLaw& l, Contact<Pack>& c, Pack* h) __attribute__((always_inline)) {
+          evaluate_known<1, 3>(l, c, h);
+        });
   else
-    run_pairs(a, law, run, [](const PairLaw& l, Contact<Pack>& c, Pack* h) __attribute__((always_inline)) {
-      evaluate(l, c, h);
-    });
+    run_pairs(
+        a, law, run,
+        [](const PairLaw& l, Contact<Pack>& c, Pack* h) __attribute__((always_inline)) { evaluate(l, c, h); });
 }
 
 static double drift(const DriftArrays& a, int begin, int end) {

@@ -74,8 +74,8 @@ PairLaw make_pair_law(const Material& a, const Material& b, const Interaction& i
   law.rolling = part_index<RollingParts>(interaction.rolling);
   law.cohesion = part_index<CohesionParts>(interaction.cohesion);
   const auto square = [](double x) { return x * x; };
-  law.young_eff = 1.0 / ((1.0 - square(a.poisson_ratio)) / a.young_modulus +
-                         (1.0 - square(b.poisson_ratio)) / b.young_modulus);
+  law.young_eff =
+      1.0 / ((1.0 - square(a.poisson_ratio)) / a.young_modulus + (1.0 - square(b.poisson_ratio)) / b.young_modulus);
   const auto shear_compliance = [&](const Material& m) {
     const double nu = m.poisson_ratio;
     const double form = interaction.printed_shear_modulus ? (2.0 + nu) * (1.0 - nu) : (2.0 - nu) * (1.0 + nu);

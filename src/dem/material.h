@@ -20,16 +20,16 @@ struct Material {
 // How a pair of materials acts: the parts of the law by name and their coefficients. The defaults are the paper's
 // grain on grain (Table 2), with its rolling coefficient at the limit it reaches for anything that moves (mu_r = 1).
 struct Interaction {
-  std::string normal = "hertz";         // none, hertz
-  std::string tangential = "mindlin";   // none, mindlin (limit on the spring), mindlin_capped_sum (Eq. 18 as printed)
-  std::string rolling = "epsd";         // none, cdt, epsd, epsd2, epsd_capped_sum (Eq. 19 as printed)
-  std::string cohesion = "none";        // none, area
-  double restitution = 0.4;             // -, e in (0, 1]
-  double friction = 0.86;               // -, mu_c
-  double rolling_friction = 1.0;        // -, mu_r
-  double rolling_rate = 0.0;            // s2/m2, mu_r of Eq. 23: mu_r,eff = min(rolling_rate v_t^2, 1); 0: constant mu_r
-  double rolling_damping = 1.0;         // -, factor of the critical rolling dashpot
-  double cohesion_energy_density = 0.0; // Pa
+  std::string normal = "hertz";        // none, hertz
+  std::string tangential = "mindlin";  // none, mindlin (limit on the spring), mindlin_capped_sum (Eq. 18 as printed)
+  std::string rolling = "epsd";        // none, cdt, epsd, epsd2, epsd_capped_sum (Eq. 19 as printed)
+  std::string cohesion = "none";       // none, area
+  double restitution = 0.4;            // -, e in (0, 1]
+  double friction = 0.86;              // -, mu_c
+  double rolling_friction = 1.0;       // -, mu_r
+  double rolling_rate = 0.0;           // s2/m2, mu_r of Eq. 23: mu_r,eff = min(rolling_rate v_t^2, 1); 0: constant mu_r
+  double rolling_damping = 1.0;        // -, factor of the critical rolling dashpot
+  double cohesion_energy_density = 0.0;  // Pa
   // G_eff with (2 + nu)(1 - nu) as Eq. 17 is printed, instead of Mindlin's (2 - nu)(1 + nu).
   bool printed_shear_modulus = false;
   Problems validate() const;

@@ -114,8 +114,7 @@ int Simulation::add_material(const Material& material) {
 void Simulation::set_interaction(int a, int b, const Interaction& interaction) {
   const auto known = [&](int m) { return m >= 0 && m < static_cast<int>(materials_.size()); };
   if (!known(a) || !known(b)) throw InputError("interaction of a material that was not added");
-  interactions_[std::minmax(a, b)] =
-      make_pair_law(materials_[std::size_t(a)], materials_[std::size_t(b)], interaction);
+  interactions_[std::minmax(a, b)] = make_pair_law(materials_[std::size_t(a)], materials_[std::size_t(b)], interaction);
   prepared_ = false;
 }
 
@@ -177,7 +176,8 @@ void Simulation::add_members(int body, const std::vector<Member>& members, int m
   const Body& b = bodies_[std::size_t(body)];
   const bool moves = b.free_translation[0] || b.free_translation[1] || b.free_translation[2];
   for (const Member& m : members) {
-    const int id = add_particle({b.position + b.orientation * m.offset, m.radius, 1.0, Vec3::Zero(), Vec3::Zero(), material});
+    const int id =
+        add_particle({b.position + b.orientation * m.offset, m.radius, 1.0, Vec3::Zero(), Vec3::Zero(), material});
     --free_count_;
     const auto slot = std::size_t(slot_of_[std::size_t(id)]);
     velocity_[4 * slot + 3] = moves ? 1.0 / b.mass : 0.0;
@@ -267,12 +267,21 @@ void Simulation::prepare() {
   for (std::size_t a = 0; a < n; ++a) {
     for (std::size_t b = a; b < n; ++b)
       if (in_use[a] && in_use[b] && !interactions_.contains({int(a), int(b)}))
-        problems.push_back({{}, 0, 0, "interaction", "of " + materials_[a].name + " and " + materials_[b].name +
-                            " is missing", "set_interaction for every pair of materials that can meet"});
+        problems.push_back({{},
+                            0,
+                            0,
+                            "interaction",
+                            "of " + materials_[a].name + " and " + materials_[b].name + " is missing",
+                            "set_interaction for every pair of materials that can meet"});
     for (const SurfaceOf& s : surfaces_)
       if (in_use[a] && !interactions_.contains(std::minmax(int(a), s.material)))
-        problems.push_back({{}, 0, 0, "interaction", "of " + materials_[a].name + " and surface " +
-                            materials_[std::size_t(s.material)].name + " is missing", "set_interaction"});
+        problems.push_back(
+            {{},
+             0,
+             0,
+             "interaction",
+             "of " + materials_[a].name + " and surface " + materials_[std::size_t(s.material)].name + " is missing",
+             "set_interaction"});
   }
   throw_if_any(problems);
 
@@ -295,7 +304,11 @@ void Simulation::prepare() {
     if (settings_.time_step == 0.0) settings_.time_step = suggested_rayleigh_fraction * rayleigh;
     const double limit = largest_rayleigh_fraction * rayleigh;
     if (settings_.time_step > limit)
-      problems.push_back({{}, 0, 0, "time_step", "is " + std::to_string(settings_.time_step * 1e6) + " us",
+      problems.push_back({{},
+                          0,
+                          0,
+                          "time_step",
+                          "is " + std::to_string(settings_.time_step * 1e6) + " us",
                           "at most " + std::to_string(limit * 1e6) + " us, " +
                               std::to_string(largest_rayleigh_fraction) + " of the smallest grain's Rayleigh time (" +
                               std::to_string(suggested_rayleigh_fraction * rayleigh * 1e6) + " us is suggested)"});
@@ -304,7 +317,11 @@ void Simulation::prepare() {
   }
   for (int k = 0; k < 3; ++k)
     if (settings_.period[k] > 0.0 && settings_.period[k] < 2.0 * (2.0 * largest_radius_ + skin_))
-      problems.push_back({{}, 0, 0, "period", "is " + std::to_string(settings_.period[k]) + " m",
+      problems.push_back({{},
+                          0,
+                          0,
+                          "period",
+                          "is " + std::to_string(settings_.period[k]) + " m",
                           "at least twice the largest diameter and skin, " +
                               std::to_string(2.0 * (2.0 * largest_radius_ + skin_)) + " m"});
   throw_if_any(problems);
@@ -321,10 +338,12 @@ void Simulation::invalidate_lists() {
   for (const auto& chunk : chunks_) {
     for (const PairRun& run : chunk->runs)
       for (int s = run.begin; s < run.begin + run.count; ++s) {
-        CarriedPair pair{id_[std::size_t(chunk->pair_i[std::size_t(s)])], id_[std::size_t(chunk->pair_j[std::size_t(s)])], {}};
+        CarriedPair pair{
+            id_[std::size_t(chunk->pair_i[std::size_t(s)])], id_[std::size_t(chunk->pair_j[std::size_t(s)])], {}};
         bool any = false;
         for (int k = 0; k < n; ++k) {
-          pair.history[k] = chunk->history[std::size_t(s / block_size * block_size * n + k * block_size + s % block_size)];
+          pair.history[k] =
+              chunk->history[std::size_t(s / block_size * block_size * n + k * block_size + s % block_size)];
           any = any || pair.history[k] != 0.0;
         }
         if (any) carried_.push_back(pair);
@@ -372,7 +391,8 @@ void Simulation::sort_particles() {
   for (std::size_t p = 0; p < n; ++p) {
     const auto c = cell_of(&position_[4 * p]);
     order_[p] = {spread_bits(std::uint64_t(c[0])) | spread_bits(std::uint64_t(c[1])) << 1 |
-                     spread_bits(std::uint64_t(c[2])) << 2, id_[p]};
+                     spread_bits(std::uint64_t(c[2])) << 2,
+                 id_[p]};
   }
   std::sort(order_.begin(), order_.end());
   const auto permute4 = [&](std::vector<double>& a) {
@@ -400,8 +420,8 @@ void Simulation::sort_particles() {
   std::size_t last = cell_count;
   for (std::size_t p = 0; p < n; ++p) {
     const auto c = cell_of(&position_[4 * p]);
-    const std::size_t at = (std::size_t(c[2]) * std::size_t(cells_[1]) + std::size_t(c[1])) * std::size_t(cells_[0]) +
-                           std::size_t(c[0]);
+    const std::size_t at =
+        (std::size_t(c[2]) * std::size_t(cells_[1]) + std::size_t(c[1])) * std::size_t(cells_[0]) + std::size_t(c[0]);
     if (at != last) cell_begin_[at] = static_cast<std::int32_t>(p);
     cell_end_[at] = static_cast<std::int32_t>(p) + 1;
     last = at;
@@ -438,13 +458,13 @@ void Simulation::build_outer(Chunk& chunk) {
                 outside = true;
             }
             if (outside) continue;
-            const std::size_t at = (std::size_t(d[2]) * std::size_t(cells_[1]) + std::size_t(d[1])) * std::size_t(cells_[0]) +
-                                   std::size_t(d[0]);
+            const std::size_t at =
+                (std::size_t(d[2]) * std::size_t(cells_[1]) + std::size_t(d[1])) * std::size_t(cells_[0]) +
+                std::size_t(d[0]);
             if (cell_end_[at] > cell_begin_[at]) around[n_around++] = at;
           }
-      std::sort(around.begin(), around.begin() + static_cast<std::ptrdiff_t>(n_around), [&](std::size_t a, std::size_t b) {
-        return cell_begin_[a] < cell_begin_[b];
-      });
+      std::sort(around.begin(), around.begin() + static_cast<std::ptrdiff_t>(n_around),
+                [&](std::size_t a, std::size_t b) { return cell_begin_[a] < cell_begin_[b]; });
       n_around = static_cast<std::size_t>(
           std::unique(around.begin(), around.begin() + static_cast<std::ptrdiff_t>(n_around)) - around.begin());
     }
@@ -544,7 +564,8 @@ void Simulation::build_inner() {
       if (!run.external) continue;
       for (int s = run.begin; s < run.begin + run.count; ++s) {
         const std::int32_t j = chunks_[c]->pair_j[std::size_t(s)];
-        chunks_[std::size_t(j / chunk_size_)]->incoming.push_back({static_cast<std::int32_t>(c), s - run.export_offset, j});
+        chunks_[std::size_t(j / chunk_size_)]->incoming.push_back(
+            {static_cast<std::int32_t>(c), s - run.export_offset, j});
       }
     }
   inner_moved_ = 0.0;
@@ -809,8 +830,8 @@ void Simulation::check_state() {
   const double floor = heaviest * settings_.gravity.norm() * smallest_radius_;
   if (checked_ && e.total() - checked_energy_ > work + 0.5 * (std::abs(work) + checked_scale_) + floor)
     throw RunError("energy grew from " + std::to_string(checked_energy_) + " J to " + std::to_string(e.total()) +
-                   " J within " + std::to_string(check_interval) + " steps while bodies put in " + std::to_string(work) +
-                   " J, after " + std::to_string(time_) + " s: take a smaller time step (now " +
+                   " J within " + std::to_string(check_interval) + " steps while bodies put in " +
+                   std::to_string(work) + " J, after " + std::to_string(time_) + " s: take a smaller time step (now " +
                    std::to_string(settings_.time_step * 1e6) + " us)");
   checked_ = true;
   checked_energy_ = e.total();
@@ -878,7 +899,8 @@ void Simulation::visit_contacts(const Visit& visit) const {
         set_pair(c, d, xi, &velocity_[4 * i], &spin_[4 * i], xj, &velocity_[4 * j], &spin_[4 * j]);
         std::array<double, max_history> h{};
         for (int k = 0; k < n; ++k)
-          h[std::size_t(k)] = chunk->history[std::size_t(s / block_size * block_size * n + k * block_size + s % block_size)];
+          h[std::size_t(k)] =
+              chunk->history[std::size_t(s / block_size * block_size * n + k * block_size + s % block_size)];
         visit(int(i), int(j), laws_[std::size_t(run.law)], c, h);
       }
     SurfacePoint points[max_surface_points];
@@ -982,9 +1004,9 @@ std::size_t Simulation::memory_bytes() const {
                     of(slot_of_) + of(order_) + of(scratch_) + of(int_scratch_) + of(cell_begin_) + of(cell_end_) +
                     of(carried_) + of(carried_walls_);
   for (const auto& c : chunks_)
-    sum += sizeof(Chunk) + of(c->outer_start) + of(c->outer_j) + of(c->outer_slot) + of(c->outer_group) + of(c->pair_i) +
-           of(c->pair_j) + of(c->next_i) + of(c->next_j) + of(c->history) + of(c->next_history) + of(c->exported) +
-           of(c->incoming) + of(c->walls) + of(c->wrench);
+    sum += sizeof(Chunk) + of(c->outer_start) + of(c->outer_j) + of(c->outer_slot) + of(c->outer_group) +
+           of(c->pair_i) + of(c->pair_j) + of(c->next_i) + of(c->next_j) + of(c->history) + of(c->next_history) +
+           of(c->exported) + of(c->incoming) + of(c->walls) + of(c->wrench);
   return sum;
 }
 
@@ -1050,7 +1072,8 @@ void Simulation::archive(Archive& ar) {
   };
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     Body& body = bodies_[b];
-    for (Vec3* v : {&body.position, &body.velocity, &body.spin, &body.applied_force, &body.force, &body.torque}) vec3(*v);
+    for (Vec3* v : {&body.position, &body.velocity, &body.spin, &body.applied_force, &body.force, &body.torque})
+      vec3(*v);
     for (int k = 0; k < 4; ++k) ar.value(body.orientation.coeffs()[k]);
     ar.value(body.free_translation);
     ar.value(body.free_rotation);

@@ -28,24 +28,24 @@
 namespace terrode::dem {
 
 struct Settings {
-  double time_step = 0.0;                  // s; 0: Simulation::suggested_time_step()
-  Vec3 gravity{0.0, 0.0, -9.81};           // m/s2
-  Vec3 period{0.0, 0.0, 0.0};              // m, edge of the periodic cell; 0: not periodic along that axis
-  double viscous = 0.0;                    // N s/m, force -viscous v on every particle (settling only)
-  double skin = 0.0;                       // m, of the neighbour list; 0: a quarter of the smallest radius or more
-  int threads = 1;                         // 0: all cores
-  bool check_energy = true;                // stop when energy grows that nothing put in
-  std::string kernel;                      // "", "generic", "avx2", "avx512"
+  double time_step = 0.0;         // s; 0: Simulation::suggested_time_step()
+  Vec3 gravity{0.0, 0.0, -9.81};  // m/s2
+  Vec3 period{0.0, 0.0, 0.0};     // m, edge of the periodic cell; 0: not periodic along that axis
+  double viscous = 0.0;           // N s/m, force -viscous v on every particle (settling only)
+  double skin = 0.0;              // m, of the neighbour list; 0: a quarter of the smallest radius or more
+  int threads = 1;                // 0: all cores
+  bool check_energy = true;       // stop when energy grows that nothing put in
+  std::string kernel;             // "", "generic", "avx2", "avx512"
   Problems validate() const;
 };
 
 // One sphere as it is put in.
 struct Sphere {
-  Vec3 position = Vec3::Zero();   // m
-  double radius = 0.0;            // m
-  double density = 0.0;           // kg/m3
-  Vec3 velocity = Vec3::Zero();   // m/s
-  Vec3 spin = Vec3::Zero();       // rad/s
+  Vec3 position = Vec3::Zero();  // m
+  double radius = 0.0;           // m
+  double density = 0.0;          // kg/m3
+  Vec3 velocity = Vec3::Zero();  // m/s
+  Vec3 spin = Vec3::Zero();      // rad/s
   int material = 0;
 };
 
@@ -53,15 +53,15 @@ struct Sphere {
 // rotation is driven or free as a whole. The default stands still.
 struct Body {
   std::string name;
-  Vec3 position = Vec3::Zero();             // m, reference point: centre of mass where anything is free
+  Vec3 position = Vec3::Zero();  // m, reference point: centre of mass where anything is free
   Quat orientation = Quat::Identity();
-  Vec3 velocity = Vec3::Zero();             // m/s
-  Vec3 spin = Vec3::Zero();                 // rad/s, world axes
+  Vec3 velocity = Vec3::Zero();  // m/s
+  Vec3 spin = Vec3::Zero();      // rad/s, world axes
   std::array<bool, 3> free_translation{false, false, false};
   bool free_rotation = false;
-  double mass = 0.0;                        // kg, needed where anything is free
-  Mat3 inertia = Mat3::Zero();              // kg m2, body axes, needed where rotation is free
-  Vec3 applied_force = Vec3::Zero();        // N, besides contacts and gravity
+  double mass = 0.0;                  // kg, needed where anything is free
+  Mat3 inertia = Mat3::Zero();        // kg m2, body axes, needed where rotation is free
+  Vec3 applied_force = Vec3::Zero();  // N, besides contacts and gravity
   // Results of the last step: contact force [N] and moment about `position` [N m] on the body, world axes.
   Vec3 force = Vec3::Zero();
   Vec3 torque = Vec3::Zero();
@@ -94,8 +94,8 @@ class Simulation {
   // Building. Interactions must be set for every pair of materials that can meet, before the first step.
   int add_material(const Material& material);
   void set_interaction(int a, int b, const Interaction& interaction);
-  int add_particle(const Sphere& sphere);                      // returns its id
-  int add_body(const Body& body);                              // returns its number
+  int add_particle(const Sphere& sphere);  // returns its id
+  int add_body(const Body& body);          // returns its number
   void add_surface(int body, SurfacePtr surface, int material);
   void add_members(int body, const std::vector<Member>& members, int material);
   // Removes particles (not clump members) for which the predicate on position and radius holds; ids stay.
@@ -120,8 +120,8 @@ class Simulation {
   const char* kernel_name() const { return kernels_->name; }
 
   // Particles by id, in the order they were put in; removed ones are left out of `ids`.
-  std::vector<int> ids() const;                 // free particles
-  std::size_t particle_count() const;           // free particles and members
+  std::vector<int> ids() const;        // free particles
+  std::size_t particle_count() const;  // free particles and members
   std::size_t free_count() const { return free_count_; }
   Vec3 position(int id) const;
   Vec3 velocity(int id) const;
@@ -214,8 +214,8 @@ class Simulation {
   std::unique_ptr<Crew> crew_;
   std::vector<Material> materials_;
   std::map<std::pair<int, int>, PairLaw> interactions_;
-  std::vector<PairLaw> laws_;       // by material_a * n + material_b
-  int history_size_ = 0;            // numbers per pair contact
+  std::vector<PairLaw> laws_;  // by material_a * n + material_b
+  int history_size_ = 0;       // numbers per pair contact
   bool prepared_ = false, first_step_ = true, lists_valid_ = false;
 
   // By slot (sorted by space).
@@ -228,7 +228,7 @@ class Simulation {
   std::vector<Body> bodies_;
   std::vector<std::function<void(double, Body&)>> drives_;
   std::vector<SurfaceOf> surfaces_;
-  std::vector<std::vector<std::int32_t>> member_ids_;   // by body
+  std::vector<std::vector<std::int32_t>> member_ids_;  // by body
   std::vector<std::vector<Vec3>> member_offsets_;
 
   std::vector<std::unique_ptr<Chunk>> chunks_;

@@ -1,8 +1,5 @@
 #include "dem/surface.h"
 
-#include <ccd/ccd.h>
-#include <ccd/vec3.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -14,6 +11,7 @@
 #include <sstream>
 
 #include "core/problem.h"
+#include "wheel/body.h"
 
 namespace terrode::dem {
 
@@ -174,47 +172,48 @@ class Mesh : public Surface {
         }
     throw_if_any(problems);
     for (const auto& t : triangles_) {
-      const Vec3 &a = vertices_[std::size_t(t[0])], &b = vertices_[std::size_t(t[1])], &c = vertices_[std::size_t(t[2])];
+      const Vec3 &a = vertices_[std::size_t(t[0])], &b = vertices_[std::size_t(t[1])],
+                 &c = vertices_[std::size_t(t[2])];
       const Vec3 centre = (a + b + c) / 3.0;
       centres_.push_back(centre);
       radii_.push_back(std::max({(a - centre).norm(), (b - centre).norm(), (c - centre).norm()}));
     }
     for (const Vec3& v : vertices_) extent_ = std::max(extent_, v.norm());
   }
-  // Faces first, nearest first. An edge or corner counts only when its point lies on no face that counts already (Hu
-  // et al. 2013), so that a flat mesh acts like a plane however it is divided.
+  // The contacts are the local minima of the distance over the whole mesh: a triangle's nearest point counts unless it
+  // also lies on a triangle that has a nearer one. A flat mesh then acts like a plane however it is divided, and a
+  // concave edge gives two contacts.
   int near(const Vec3& p, double reach, SurfacePoint* out) const override {
-    int n = 0;
-    Vec3 points[max_surface_points];
-    const auto take = [&](bool faces) {
-      for (std::size_t k = 0; k < triangles_.size(); ++k) {
-        const double bound = reach + radii_[k];
-        if ((p - centres_[k]).squaredNorm() >= bound * bound) continue;
-        const auto& t = triangles_[k];
-        const Vec3 &a = vertices_[std::size_t(t[0])], &b = vertices_[std::size_t(t[1])],
-                   &c = vertices_[std::size_t(t[2])];
-        bool inside = false;
-        const Vec3 q = closest_on_triangle(p, a, b, c, &inside);
-        if (inside != faces || (p - q).squaredNorm() >= reach * reach) continue;
-        if (!faces) {
-          bool covered = false;
-          for (int m = 0; m < n && !covered; ++m) {
-            bool in = false;
-            const auto& s = triangles_[static_cast<std::size_t>(out[m].facet)];
-            const Vec3 on = closest_on_triangle(q, vertices_[std::size_t(s[0])], vertices_[std::size_t(s[1])],
-                                                vertices_[std::size_t(s[2])], &in);
-            covered = (on - q).squaredNorm() < 1e-18 || (points[m] - q).squaredNorm() < 1e-18;
-          }
-          if (covered) continue;
-        }
-        if (n == max_surface_points) return;
-        const Vec3 normal = (b - a).cross(c - a).normalized();
-        points[n] = q;
-        out[n++] = from_point(p, q, normal, static_cast<int>(k));
-      }
+    struct Candidate {
+      double distance2;
+      int triangle;
+      Vec3 q;
     };
-    take(true);
-    take(false);
+    constexpr int most = 64;
+    Candidate found[most];
+    int n_found = 0;
+    for (std::size_t k = 0; k < triangles_.size() && n_found < most; ++k) {
+      const double bound = reach + radii_[k];
+      if ((p - centres_[k]).squaredNorm() >= bound * bound) continue;
+      const Vec3 q = closest(p, k);
+      const double d2 = (p - q).squaredNorm();
+      if (d2 < reach * reach) found[n_found++] = {d2, static_cast<int>(k), q};
+    }
+    std::sort(found, found + n_found, [](const Candidate& a, const Candidate& b) {
+      return a.distance2 != b.distance2 ? a.distance2 < b.distance2 : a.triangle < b.triangle;
+    });
+    int n = 0;
+    for (int k = 0; k < n_found && n < max_surface_points; ++k) {
+      bool covered = false;
+      for (int m = 0; m < k && !covered; ++m)
+        covered = (closest(found[k].q, static_cast<std::size_t>(found[m].triangle)) - found[k].q).squaredNorm() <
+                  1e-18 * extent_ * extent_;
+      if (covered) continue;
+      const auto& t = triangles_[static_cast<std::size_t>(found[k].triangle)];
+      const Vec3& a = vertices_[std::size_t(t[0])];
+      const Vec3 normal = (vertices_[std::size_t(t[1])] - a).cross(vertices_[std::size_t(t[2])] - a).normalized();
+      out[n++] = from_point(p, found[k].q, normal, found[k].triangle);
+    }
     return n;
   }
   double extent() const override { return extent_; }
@@ -222,95 +221,32 @@ class Mesh : public Surface {
  private:
   std::vector<Vec3> vertices_;
   std::vector<std::array<int, 3>> triangles_;
+  Vec3 closest(const Vec3& p, std::size_t k) const {
+    const auto& t = triangles_[k];
+    return closest_on_triangle(p, vertices_[std::size_t(t[0])], vertices_[std::size_t(t[1])],
+                               vertices_[std::size_t(t[2])]);
+  }
   std::vector<Vec3> centres_;
   std::vector<double> radii_;
   double extent_ = 0.0;
 };
 
-class Convex : public Surface {
+class Shape : public Surface {
  public:
-  explicit Convex(std::vector<Vec3> vertices) : vertices_(std::move(vertices)) {
-    if (vertices_.size() < 4) throw InputError("a convex body needs at least four vertices");
-    for (const Vec3& v : vertices_) {
-      extent_ = std::max(extent_, v.norm());
-      centre_ += v / static_cast<double>(vertices_.size());
-    }
-  }
+  explicit Shape(std::shared_ptr<const wheel::Body> body) : body_(std::move(body)), extent_(body_->bounding_radius()) {}
   int near(const Vec3& p, double reach, SurfacePoint* out) const override {
-    if (p.norm() - extent_ >= reach) return 0;
-    // A ball of the asked reach against the hull: where they meet, GJK and EPA give depth and direction; the ball's
-    // own radius is taken out again, so that a centre inside the hull is treated like one outside.
-    const Ball ball{p, reach};
-    ccd_t ccd;
-    CCD_INIT(&ccd);
-    ccd.support1 = hull_support;
-    ccd.support2 = ball_support;
-    ccd.center1 = hull_centre;
-    ccd.center2 = ball_centre;
-    ccd.max_iterations = 200;
-    ccd.mpr_tolerance = 1e-9;
-    ccd.epa_tolerance = 1e-9;
-    const Ball point{p, 0.0};
-    const ccd_real_t gap = ccdGJKDist(this, &point, &ccd);
-    if (gap > 0.0) {
-      if (gap >= reach) return 0;
-      // The nearest point by descent of the distance: the gap's gradient is the unit normal.
-      const Vec3 n = gradient(p, ccd);
-      out[0] = {gap, n, 0};
-      return 1;
-    }
-    ccd_real_t depth = 0;
-    ccd_vec3_t dir, pos;
-    if (ccdMPRPenetration(this, &ball, &ccd, &depth, &dir, &pos) != 0) return 0;
-    out[0] = {reach - depth, Vec3(dir.v[0], dir.v[1], dir.v[2]), 0};
+    const double bound = extent_ + reach;
+    if (p.squaredNorm() >= bound * bound) return 0;
+    const wheel::Closest c = body_->closest(p);
+    if (c.distance >= reach) return 0;
+    out[0] = {c.distance, c.n_B, 0};
     return 1;
   }
   double extent() const override { return extent_; }
 
  private:
-  struct Ball {
-    Vec3 centre;
-    double radius;
-  };
-  static void hull_support(const void* object, const ccd_vec3_t* dir, ccd_vec3_t* v) {
-    const auto* self = static_cast<const Convex*>(object);
-    const Vec3 d(dir->v[0], dir->v[1], dir->v[2]);
-    double best = -std::numeric_limits<double>::infinity();
-    const Vec3* at = nullptr;
-    for (const Vec3& x : self->vertices_)
-      if (x.dot(d) > best) {
-        best = x.dot(d);
-        at = &x;
-      }
-    ccdVec3Set(v, at->x(), at->y(), at->z());
-  }
-  static void ball_support(const void* object, const ccd_vec3_t* dir, ccd_vec3_t* v) {
-    const auto* ball = static_cast<const Ball*>(object);
-    const Vec3 x = ball->centre + ball->radius * Vec3(dir->v[0], dir->v[1], dir->v[2]).normalized();
-    ccdVec3Set(v, x.x(), x.y(), x.z());
-  }
-  static void hull_centre(const void* object, ccd_vec3_t* c) {
-    const Vec3& x = static_cast<const Convex*>(object)->centre_;
-    ccdVec3Set(c, x.x(), x.y(), x.z());
-  }
-  static void ball_centre(const void* object, ccd_vec3_t* c) {
-    const Vec3& x = static_cast<const Ball*>(object)->centre;
-    ccdVec3Set(c, x.x(), x.y(), x.z());
-  }
-  Vec3 gradient(const Vec3& p, const ccd_t& ccd) const {
-    const double h = 1e-4 * extent_;
-    Vec3 g;
-    for (int k = 0; k < 3; ++k) {
-      Ball lo{p, 0.0}, hi{p, 0.0};
-      lo.centre[k] -= h;
-      hi.centre[k] += h;
-      g[k] = ccdGJKDist(this, &hi, &ccd) - ccdGJKDist(this, &lo, &ccd);
-    }
-    return g.normalized();
-  }
-  std::vector<Vec3> vertices_;
-  Vec3 centre_ = Vec3::Zero();
-  double extent_ = 0.0;
+  std::shared_ptr<const wheel::Body> body_;
+  double extent_;
 };
 
 void require_length(Problems& problems, const char* key, double value) {
@@ -361,7 +297,10 @@ SurfacePtr make_cylinder(int axis, double radius, double half_length) {
 SurfacePtr make_mesh(std::vector<Vec3> vertices, std::vector<std::array<int, 3>> triangles) {
   return std::make_shared<Mesh>(std::move(vertices), std::move(triangles));
 }
-SurfacePtr make_convex(std::vector<Vec3> vertices) { return std::make_shared<Convex>(std::move(vertices)); }
+SurfacePtr make_shape(std::shared_ptr<const wheel::Body> body) {
+  if (!body) throw InputError("a surface needs a shape");
+  return std::make_shared<Shape>(std::move(body));
+}
 
 SurfacePtr load_stl(const std::string& path, double scale) {
   std::ifstream in(path, std::ios::binary);
@@ -407,15 +346,13 @@ SurfacePtr load_stl(const std::string& path, double scale) {
   return make_mesh(std::move(vertices), std::move(triangles));
 }
 
-Vec3 closest_on_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c, bool* inside) {
-  *inside = false;
+Vec3 closest_on_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c) {
   const Vec3 ab = b - a, ac = c - a, n = ab.cross(ac);
   const double area = n.squaredNorm();
   if (area > 0.0) {
     const Vec3 ap = p - a;
     const double v = ap.cross(ac).dot(n) / area, w = ab.cross(ap).dot(n) / area;
     if (v > 0.0 && w > 0.0 && v + w < 1.0) {
-      *inside = true;
       return a + v * ab + w * ac;
     }
   }

@@ -2,19 +2,24 @@
 // (dem/simulation.h) and described in that body's axes.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "core/frames.h"
 
+namespace terrode::wheel {
+class Body;
+}
+
 namespace terrode::dem {
 
 // Where a surface is near a point.
 struct SurfacePoint {
-  double distance = 0.0;         // m, from the point to the surface; negative behind it
-  Vec3 normal = Vec3::UnitZ();   // from the surface to the point's side, unit
-  int facet = 0;                 // which face: a contact keeps its history as long as it stays on one
+  double distance = 0.0;        // m, from the point to the surface; negative behind it
+  Vec3 normal = Vec3::UnitZ();  // from the surface to the point's side, unit
+  int facet = 0;                // which face: a contact keeps its history as long as it stays on one
 };
 
 // At most this many contacts of one particle with one surface.
@@ -47,10 +52,11 @@ SurfacePtr make_cylinder(int axis, double radius, double half_length);
 SurfacePtr make_mesh(std::vector<Vec3> vertices, std::vector<std::array<int, 3>> triangles);
 // The mesh in an STL file, ASCII or binary, in metres times `scale`. Throws InputError when it cannot be read.
 SurfacePtr load_stl(const std::string& path, double scale);
-// The convex hull of the vertices, as a solid; distances by libccd (GJK).
-SurfacePtr make_convex(std::vector<Vec3> vertices);
+// Any shape of the wheel room as a solid: wheels with crown and grousers in closed form, convex pieces by libccd. One
+// contact a particle, at the nearest point.
+SurfacePtr make_shape(std::shared_ptr<const wheel::Body> body);
 
-// The point of triangle abc nearest to p; `inside` tells whether it lies in its interior (not on an edge).
-Vec3 closest_on_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c, bool* inside);
+// The point of triangle abc nearest to p.
+Vec3 closest_on_triangle(const Vec3& p, const Vec3& a, const Vec3& b, const Vec3& c);
 
 }  // namespace terrode::dem

@@ -65,7 +65,8 @@ TERRODE_KERNEL Mask first_lanes(int n) { return {static_cast<__mmask8>(n >= 8 ? 
 TERRODE_KERNEL void load_records(const double* base, const int* index, Pack* out) {
   const auto two = [&](int k) {
     const __m256d lo = _mm256_loadu_pd(base + 4 * static_cast<long>(index[k]));
-    return _mm512_insertf64x4(_mm512_castpd256_pd512(lo), _mm256_loadu_pd(base + 4 * static_cast<long>(index[k + 4])), 1);
+    return _mm512_insertf64x4(_mm512_castpd256_pd512(lo), _mm256_loadu_pd(base + 4 * static_cast<long>(index[k + 4])),
+                              1);
   };
   const __m512d a = two(0), b = two(1), c = two(2), d = two(3);
   const __m512d ab02 = _mm512_unpacklo_pd(a, b), ab13 = _mm512_unpackhi_pd(a, b);
@@ -166,9 +167,7 @@ TERRODE_KERNEL Pack larger(Pack a, Pack b) { return _mm_max_pd(a.v, b.v); }
 TERRODE_KERNEL Mask operator<(Pack a, Pack b) { return {_mm_cmplt_pd(a.v, b.v)}; }
 TERRODE_KERNEL Mask operator>(Pack a, Pack b) { return {_mm_cmpgt_pd(a.v, b.v)}; }
 TERRODE_KERNEL Mask operator&(Mask a, Mask b) { return {_mm_and_pd(a.m, b.m)}; }
-TERRODE_KERNEL Pack select(Mask m, Pack a, Pack b) {
-  return _mm_or_pd(_mm_and_pd(m.m, a.v), _mm_andnot_pd(m.m, b.v));
-}
+TERRODE_KERNEL Pack select(Mask m, Pack a, Pack b) { return _mm_or_pd(_mm_and_pd(m.m, a.v), _mm_andnot_pd(m.m, b.v)); }
 TERRODE_KERNEL unsigned bits(Mask m) { return static_cast<unsigned>(_mm_movemask_pd(m.m)); }
 TERRODE_KERNEL Mask first_lanes(int n) { return {_mm_cmplt_pd(_mm_setr_pd(0, 1), _mm_set1_pd(n))}; }
 TERRODE_KERNEL void load_records(const double* base, const int* index, Pack* out) {

@@ -25,12 +25,10 @@ struct Parts {
 
 using NormalParts = Parts<NoNormal, HertzNormal>;
 using TangentialParts = Parts<NoTangential, MindlinTangential<false>, MindlinTangential<true>>;
-using RollingParts = Parts<NoRolling, ConstantTorque, SpringDashpotRolling<RollingForm::epsd>,
-                           SpringDashpotRolling<RollingForm::epsd2>, SpringDashpotRolling<RollingForm::epsd_capped_sum>>;
+using RollingParts =
+    Parts<NoRolling, ConstantTorque, SpringDashpotRolling<RollingForm::epsd>, SpringDashpotRolling<RollingForm::epsd2>,
+          SpringDashpotRolling<RollingForm::epsd_capped_sum>>;
 using CohesionParts = Parts<NoCohesion, AreaCohesion>;
-
-// Numbers that a law keeps for each contact between steps: tangential first, then rolling.
-inline constexpr int max_history = 6;
 
 TERRODE_KERNEL int history_size(const PairLaw& law) {
   return TangentialParts::histories[law.tangential] + RollingParts::histories[law.rolling];

@@ -5,7 +5,8 @@
 
 namespace terrode::dem {
 
-// The coefficient in force: mu_r, or min(mu_r v_t^2, 1) of Eq. 23 with v_t the relative surface velocity at the contact.
+// The coefficient in force: mu_r, or min(mu_r v_t^2, 1) of Eq. 23 with v_t the relative surface velocity at the
+// contact.
 template <class T>
 TERRODE_KERNEL T rolling_coefficient(const PairLaw& law, const Contact<T>& c) {
   if (law.rolling_rate > 0.0)
