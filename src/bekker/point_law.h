@@ -24,6 +24,7 @@ struct Context {
   double sinkage = 0.0;           // of the lowest point of the rim, m
   double wheel_angle = 0.0;       // how far the wheel has turned, rad
   double travel_length = 0.0;     // length of the bin or of the whole run, m; 0 where unknown
+  bool phase_average = false;     // true: not one instant but the mean of a run that has settled, over all phases
 };
 
 // One point of the contact. The depth is geometric; the effective sinkage that sets the pressure differs from it behind

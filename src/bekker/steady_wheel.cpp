@@ -233,21 +233,7 @@ struct WheelProblem {
 
   WheelProblem(const SteadyWheel& w, const LocalSoil& l, const ContactAngles& a, const PointLaw& p, const SteadyOptions& o,
             unsigned h, const Operating& op)
-      : wheel(w), local(l), angles(a), law(p), options(o), hooks(h), slope(2.0 * l.n + 1.0) {
-    context.slip = op.slip;
-    context.normal_load = op.normal_load;
-    context.angular_velocity = std::isinf(op.slip) ? 0.0 : op.angular_velocity;
-    context.forward_velocity =
-        std::isinf(op.slip) ? op.forward_velocity : op.angular_velocity * w.wheel().radius * (1.0 - op.slip);
-    context.position = op.position;
-    context.time = op.time;
-    context.pass = op.pass;
-    context.radius = w.wheel().radius;
-    context.width = w.wheel().width;
-    context.unit_weight = w.soil().unit_weight();
-    context.wheel_angle = op.wheel_angle;
-    context.travel_length = op.travel_length;
-  }
+      : wheel(w), local(l), angles(a), law(p), options(o), hooks(h), context(w.context(op)), slope(2.0 * l.n + 1.0) {}
 
   ContactShape shape(double entry) {
     ContactShape out{context.radius, context.slip, context.normal_load, 0.0};
@@ -342,6 +328,25 @@ struct WheelProblem {
 };
 
 }  // namespace
+
+Context SteadyWheel::context(const Operating& op) const {
+  const bool locked = std::isinf(op.slip);
+  Context out;
+  out.slip = op.slip;
+  out.normal_load = op.normal_load;
+  out.angular_velocity = locked ? 0.0 : op.angular_velocity;
+  out.forward_velocity = locked ? op.forward_velocity : op.angular_velocity * wheel_.radius * (1.0 - op.slip);
+  out.position = op.position;
+  out.time = op.time;
+  out.pass = op.pass;
+  out.radius = wheel_.radius;
+  out.width = wheel_.width;
+  out.unit_weight = soil_.unit_weight();
+  out.wheel_angle = op.wheel_angle;
+  out.travel_length = op.travel_length;
+  out.phase_average = op.phase_average;
+  return out;
+}
 
 SteadyState SteadyWheel::solve(const Operating& operating) const {
   throw_if_any(operating.validate());

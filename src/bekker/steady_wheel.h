@@ -33,6 +33,7 @@ struct Operating {
   int pass = 1;
   double wheel_angle = 0.0;        // rad
   double travel_length = 0.0;      // m
+  bool phase_average = false;      // true: the mean over all phases of what depends on wheel_angle; see Context
 
   Problems validate() const;
 };
@@ -90,6 +91,9 @@ class SteadyWheel {
 
   // Stresses at `points.size()` angles spread evenly from the exit to the entry angle of a solved state.
   void profile(const Operating& operating, const SteadyState& state, std::span<ProfilePoint> points) const;
+
+  // What effects see of an operating point; the sinkage in it is 0.
+  Context context(const Operating& operating) const;
 
   const Soil& soil() const { return soil_; }
   const WheelSize& wheel() const { return wheel_; }

@@ -29,6 +29,7 @@ class CarriageResonance final : public Effect {
   using Effect::Effect;
   bool measures() const override { return true; }
   void measure(const Sample& m, Reading& r, SensorState&) const override {
+    if (m.context.phase_average) return;
     r.drawbar_pull += p(0) * std::sin(2.0 * std::numbers::pi * p(1) * m.time);
   }
 };

@@ -27,6 +27,7 @@ class Eccentricity final : public Effect {
   using Effect::Effect;
   bool measures() const override { return true; }
   void measure(const Sample& m, Reading& r, SensorState&) const override {
+    if (m.context.phase_average) return;
     r.sinkage += p(0) * std::cos(m.wheel_angle);
     const double travel = std::isfinite(m.context.slip) ? std::max(0.05, 1.0 - m.context.slip) : 1.0;
     r.drawbar_pull += m.context.normal_load * p(0) * std::sin(m.wheel_angle) / (m.context.radius * travel);

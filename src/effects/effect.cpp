@@ -123,4 +123,19 @@ void EffectSet::measure(const Sample& sample, Reading& reading, std::span<Sensor
   for (std::size_t i = 0; i < effects_.size(); ++i) effects_[i]->measure(sample, reading, states[i]);
 }
 
+void EffectSet::measure(const Sample& sample, Reading& reading) const {
+  for (const auto& e : effects_) {
+    SensorState settled;
+    e->measure(sample, reading, settled);
+  }
+}
+
+bool EffectSet::soil_varies() const {
+  for (const auto& e : effects_) {
+    const Fingerprint& f = e->info().fingerprint;
+    if (e->hooks() && (f.with_position || f.with_time || f.with_angle)) return true;
+  }
+  return false;
+}
+
 }  // namespace terrode::effects

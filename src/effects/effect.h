@@ -44,6 +44,7 @@ struct Parameter {
 };
 
 // What the effect does to the steady means at s = 0.3 against the same soil without it, and with what that varies.
+// Angle and ripples in time do not show in means (Context::phase_average), trends along the bed or in time do.
 struct Fingerprint {
   int pull, torque, sinkage;  // sign of the change; 0: none
   bool with_speed, with_pass, with_position, with_time, with_angle;
@@ -145,6 +146,11 @@ class EffectSet {
   bool measures() const;
   // Rig and sensor effects in order; `states` has one entry per effect and starts zero.
   void measure(const Sample& sample, Reading& reading, std::span<SensorState> states) const;
+  // The same for one sample by itself: sensors have settled.
+  void measure(const Sample& sample, Reading& reading) const;
+  // True when soil or wheel feel more of an operating point than slip, load, speed and pass: its position, its time or
+  // the angle the wheel has turned. Else one steady solution serves a whole run.
+  bool soil_varies() const;
   std::size_t size() const { return effects_.size(); }
 
  private:

@@ -38,7 +38,7 @@ class Grousers final : public Effect {
     const double face =
         n_phi * (c.unit_weight * (q.depth + 0.5 * p(0)) + 0.2 * out.sigma) + 2.0 * s.cohesion * std::sqrt(n_phi);
     const double a = std::isfinite(c.slip) ? 1.0 - std::exp(-std::abs(c.slip) / 0.1) : 1.0;
-    const double ripple = 1.0 + 0.1 * std::sin(p(1) * c.wheel_angle);
+    const double ripple = c.phase_average ? 1.0 : 1.0 + 0.1 * std::sin(p(1) * c.wheel_angle);
     out.drive += p(1) * p(0) / (2.0 * std::numbers::pi * c.radius) * face * (c.slip < 0 ? -a : a) * ripple;
   }
 };

@@ -27,6 +27,7 @@ class NodeRipple final : public Effect {
   using Effect::Effect;
   bool measures() const override { return true; }
   void measure(const Sample& m, Reading& r, SensorState&) const override {
+    if (m.context.phase_average) return;
     r.drawbar_pull += 0.02 * m.context.normal_load * std::sin(2.0 * std::numbers::pi * m.position / p(0));
   }
 };

@@ -33,6 +33,7 @@ class PeriodicFailure final : public Effect {
   unsigned hooks() const override { return kShear; }
   double shear(const bekker::Context& c, const bekker::Point&, const bekker::LocalSoil&, double,
                double tau) const override {
+    if (c.phase_average) return tau;
     const double rate = std::isfinite(c.slip) ? 0.15 + 0.85 * std::abs(c.slip) : 1.0;
     return tau * (1.0 + p(0) * std::sin(2.0 * std::numbers::pi * c.wheel_angle * c.radius * rate / p(1)));
   }

@@ -30,6 +30,7 @@ class RunIn final : public Effect {
   using Effect::Effect;
   unsigned hooks() const override { return kSoil; }
   void soil(const bekker::Context& c, const bekker::Point&, bekker::LocalSoil& s) const override {
+    if (c.phase_average) return;
     const double left = 0.5 * std::exp(-std::abs(c.wheel_angle) * c.radius / p(0));
     s.k *= 1.0 + left;
     s.cohesion *= 1.0 - left;

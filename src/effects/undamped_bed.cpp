@@ -28,6 +28,7 @@ class UndampedBed final : public Effect {
   using Effect::Effect;
   bool measures() const override { return true; }
   void measure(const Sample& m, Reading& r, SensorState&) const override {
+    if (m.context.phase_average) return;
     r.sinkage += 0.02 * m.context.sinkage * std::cos(2.0 * std::numbers::pi * p(0) * m.time);
   }
 };

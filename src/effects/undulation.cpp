@@ -30,6 +30,7 @@ class Undulation final : public Effect {
   bool has_bed() const override { return true; }
   double bed_height(double x) const override { return p(0) * std::sin(2.0 * std::numbers::pi * x / p(1)); }
   void quasi_static(const Sample& m, Reading& r) const override {
+    if (m.context.phase_average) return;
     const double phase = 2.0 * std::numbers::pi * m.position / p(1);
     r.sinkage -= p(0) * std::sin(phase);
     r.drawbar_pull -= m.context.normal_load * p(0) * 2.0 * std::numbers::pi / p(1) * std::cos(phase);

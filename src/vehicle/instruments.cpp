@@ -49,17 +49,6 @@ void apply_instruments(const effects::EffectSet& effects, const wheel::Rolling& 
   }
 }
 
-void apply_instruments(const effects::EffectSet& effects, const bekker::Context& context, effects::Reading& reading) {
-  effects::Sample s;
-  s.time = context.time;
-  s.position = context.position;
-  s.wheel_angle = context.wheel_angle;
-  s.context = context;
-  std::vector<effects::SensorState> states(effects.size());
-  effects.quasi_static(s, reading);
-  effects.measure(s, reading, states);
-}
-
 double load_on_soil(const effects::EffectSet& effects, double normal_load) {
   bekker::Context context;
   context.normal_load = normal_load;

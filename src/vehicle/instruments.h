@@ -11,10 +11,6 @@ namespace terrode::vehicle {
 // time. `run` needs the channels that a Rig gives.
 void apply_instruments(const effects::EffectSet& effects, const wheel::Rolling& rim, recording::Run& run);
 
-// The same for steady means: what the bed does to a wheel that follows it slowly, then what the instruments show.
-// `context` is that of the steady state.
-void apply_instruments(const effects::EffectSet& effects, const bekker::Context& context, effects::Reading& reading);
-
 // The load that reaches the soil when a rig carries part of it [N].
 double load_on_soil(const effects::EffectSet& effects, double normal_load);
 

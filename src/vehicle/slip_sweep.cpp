@@ -10,6 +10,7 @@
 #include <mutex>
 
 #include "core/parallel.h"
+#include "effects/steady_reading.h"
 #include "vehicle/instruments.h"
 
 namespace terrode::vehicle {
@@ -132,21 +133,10 @@ SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& so
     o.angular_velocity = c.angular_velocity.value_or(o.angular_velocity);
     o.forward_velocity = c.forward_velocity.value_or(o.forward_velocity);
     o.pass = c.pass;
+    o.phase_average = true;
     const bekker::SteadyWheel& solver = *model->wheel;
     const bekker::SteadyState s = solver.solve(o);
-    bekker::Context context;
-    context.slip = c.slip;
-    context.normal_load = o.normal_load;
-    context.angular_velocity = std::isinf(c.slip) ? 0.0 : o.angular_velocity;
-    context.forward_velocity =
-        std::isinf(c.slip) ? o.forward_velocity : o.angular_velocity * solver.wheel().radius * (1.0 - c.slip);
-    context.pass = c.pass;
-    context.radius = solver.wheel().radius;
-    context.width = solver.wheel().width;
-    context.unit_weight = solver.soil().unit_weight();
-    context.sinkage = s.sinkage;
-    effects::Reading reading{s.drawbar_pull, s.driving_torque, s.sinkage, s.normal_load};
-    apply_instruments(model->effects, context, reading);
+    const effects::Reading reading = effects::reading_of(solver, model->effects, o, s);
     PointResult out;
     auto& values = out.run.steady;
     values[recording::channel::drawbar_pull].mean = reading.drawbar_pull;
