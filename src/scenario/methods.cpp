@@ -7,9 +7,32 @@
 #include <map>
 #include <numbers>
 
+#include "terrain/node_spring.h"
+#include "terrain/surface.h"
 #include "wheel/wheel.h"
 
 namespace terrode::scenario {
+namespace {
+
+// The bed as effects shape it.
+class EffectSurface final : public terrain::Surface {
+ public:
+  explicit EffectSurface(effects::EffectSet effects) : effects_(std::move(effects)) {}
+  double height(double x, double) const override { return effects_.bed_height(x); }
+  Eigen::Vector2d gradient(double x, double) const override {
+    constexpr double step = 1e-5;  // m: short against any wave of a bed, long against rounding
+    return {(effects_.bed_height(x + step) - effects_.bed_height(x - step)) / (2.0 * step), 0.0};
+  }
+
+ private:
+  effects::EffectSet effects_;
+};
+
+bekker::SkidShear skid_shear(const Scenario& s) {
+  return s.terrain.skid_shear == "along_displacement" ? bekker::SkidShear::along_displacement : bekker::SkidShear::as_printed;
+}
+
+}  // namespace
 
 effects::EffectSet effect_set(const Scenario& scenario) {
   std::map<std::string, std::map<std::string, double>> chosen;
@@ -64,23 +87,53 @@ recording::Condition condition_of(const OperatingPoint& at, double radius) {
   return c;
 }
 
+terrain::NodeSpringParams node_spring_params(const Scenario& s) {
+  using namespace terrain;
+  NodeSpringParams out;
+  out.spacing = s.terrain.node_spacing;
+  out.soil = s.bekker_soil();
+  out.angles = s.contact_angles();
+  out.distribution = s.terrain.distribution == "sinkage" ? PressureDistribution::sinkage : PressureDistribution::wong_reece;
+  out.unloading = s.terrain.unloading == "elastic"           ? Unloading::elastic
+                  : s.terrain.unloading == "elastic_plastic" ? Unloading::elastic_plastic
+                                                             : Unloading::rigid_plastic;
+  out.area = s.terrain.area == "projected" ? NodeArea::projected : NodeArea::arc;
+  out.shear_history = s.terrain.shear_history == "ground"        ? ShearHistory::ground
+                      : s.terrain.shear_history == "closed_form" ? ShearHistory::closed_form
+                                                                 : ShearHistory::rim;
+  out.skid_shear = skid_shear(s);
+  out.springback = s.terrain.springback;
+  out.unloading_k0 = s.terrain.unloading_k0;
+  out.unloading_au = s.terrain.unloading_au;
+  out.damping = s.terrain.damping;
+  return out;
+}
+
 std::unique_ptr<terrain::Terrain> make_ground(const std::string& method, const Scenario& scenario,
-                                              const recording::Condition&, const MethodSettings&) {
-  throw InputError({scenario.file, 0, 0, "method", fmt::format("is '{}', which cannot be computed yet", method), "steady"});
+                                              const effects::EffectSet& effects, const MethodSettings&) {
+  if (method == "node-spring") {
+    bekker::PointLaw law;
+    law.modifiers = effects.modifiers();
+    std::shared_ptr<const terrain::Surface> surface;
+    if (effects.has_bed()) surface = std::make_shared<EffectSurface>(effects);
+    return std::make_unique<terrain::NodeSpringTerrain>(node_spring_params(scenario), law, surface);
+  }
+  throw InputError({scenario.file, 0, 0, "method", fmt::format("is '{}', which cannot be computed yet", method),
+                    "steady or node-spring"});
 }
 
 vehicle::SweepMethod make_method(const std::string& name, const Scenario& scenario, const MethodSettings& settings) {
-  if (name == "steady")
-    return vehicle::steady_method(scenario.wheel_size(), scenario.bekker_soil(), scenario.contact_angles(), effect_set(scenario));
-  recording::Condition any;
-  any.normal_load = scenario.rig.normal_load.value_or(100.0);
-  any.angular_velocity = scenario.rig.angular_velocity;
-  make_ground(name, scenario, any, settings);  // what is wrong with the ground is said before the first point
-  vehicle::RigSpec spec = rig_spec(scenario);
+  const auto effects = std::make_shared<const effects::EffectSet>(effect_set(scenario));
+  if (name == "steady") {
+    bekker::SteadyOptions options;
+    options.skid_shear = skid_shear(scenario);
+    return vehicle::steady_method(scenario.wheel_size(), scenario.bekker_soil(), scenario.contact_angles(), *effects, {}, options);
+  }
+  make_ground(name, scenario, *effects, settings);  // what is wrong with the ground is said before the first point
   return vehicle::rig_method(
-      name, spec, rig_motion(scenario), std::make_shared<terrode::wheel::Wheel>(scenario.wheel_shape()),
-      [name, scenario, settings](const recording::Condition& c) { return make_ground(name, scenario, c, settings); },
-      effect_set(scenario));
+      name, rig_spec(scenario), rig_motion(scenario), std::make_shared<terrode::wheel::Wheel>(scenario.wheel_shape()),
+      [name, scenario, settings, effects](const recording::Condition&) { return make_ground(name, scenario, *effects, settings); },
+      *effects);
 }
 
 std::optional<double> averaging_period(const std::string& method, const Scenario& scenario, const OperatingPoint& at) {

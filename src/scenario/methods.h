@@ -7,6 +7,7 @@
 
 #include "effects/effect.h"
 #include "scenario/scenario.h"
+#include "terrain/node_spring.h"
 #include "terrain/terrain.h"
 #include "vehicle/rig.h"
 #include "vehicle/slip_sweep.h"
@@ -29,9 +30,13 @@ struct MethodSettings {
 // method is not known.
 vehicle::SweepMethod make_method(const std::string& name, const Scenario& scenario, const MethodSettings& settings = {});
 
-// A fresh ground for a method that simulates in time ("node-spring", ...), under the scenario's wheel.
+// The node-spring ground's settings with the scenario's soil in them.
+terrain::NodeSpringParams node_spring_params(const Scenario& scenario);
+
+// A fresh ground for a method that simulates in time ("node-spring", ...). What `effects` changes of soil and bed is
+// built in; it must outlive the ground.
 std::unique_ptr<terrain::Terrain> make_ground(const std::string& method, const Scenario& scenario,
-                                              const recording::Condition& condition, const MethodSettings& settings = {});
+                                              const effects::EffectSet& effects, const MethodSettings& settings = {});
 
 // The period over whose multiples a run's means are best taken [s]: the passing of a lug or of a ground node, or
 // nothing where the method has neither.

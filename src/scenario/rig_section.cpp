@@ -29,7 +29,16 @@ Table<RigSpec> rig_table() {
 
 Table<TerrainSpec> terrain_table() {
   Table<TerrainSpec> t;
-  t.number("node_spacing", "m", {0, 1, true, false}, &TerrainSpec::node_spacing, "distance of the soil nodes along the travel");
+  t.number("node_spacing", "m", {0, 1, true, false}, &TerrainSpec::node_spacing, "distance between nodes")
+      .choice("distribution", {"wong_reece", "sinkage"}, &TerrainSpec::distribution, "what sets the pressure under a rolling wheel")
+      .choice("unloading", {"rigid_plastic", "elastic_plastic", "elastic"}, &TerrainSpec::unloading, "what is left of it when the wheel rises")
+      .choice("area", {"arc", "projected"}, &TerrainSpec::area, "of the wheel that a node carries")
+      .choice("shear_history", {"rim", "ground", "closed_form"}, &TerrainSpec::shear_history, "where shear displacement is kept")
+      .choice("skid_shear", {"as_printed", "along_displacement"}, &TerrainSpec::skid_shear, "sign of shear at negative slip, of closed_form and steady")
+      .number("springback", "m", above(0), &TerrainSpec::springback, "rise over which a node of rigid_plastic lets go")
+      .number("unloading_k0", "Pa/m", at_least(0), &TerrainSpec::unloading_k0, "k0 of elastic_plastic")
+      .number("unloading_au", "Pa/m^2", at_least(0), &TerrainSpec::unloading_au, "A_u of elastic_plastic")
+      .number("damping", "Pa s/m", at_least(0), &TerrainSpec::damping, "dashpot along the surface normal");
   return t;
 }
 

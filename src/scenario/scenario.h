@@ -56,9 +56,18 @@ struct RigSpec {
   std::optional<double> lifted_mass;  // kg that moves up and down; absent: the load as dead weight
 };
 
-// Settings of the node-spring ground.
+// Settings of the node-spring ground; terrain/node_spring.h says what the words mean.
 struct TerrainSpec {
   double node_spacing = 3.3e-3;       // m
+  std::string distribution = "wong_reece";
+  std::string unloading = "rigid_plastic";
+  std::string area = "arc";
+  std::string shear_history = "rim";
+  std::string skid_shear = "as_printed";
+  double springback = 2e-4;           // m
+  double unloading_k0 = 0.0;          // Pa/m
+  double unloading_au = 0.0;          // Pa/m2
+  double damping = 0.0;               // Pa s/m
 };
 
 // One missing-physics effect that is switched on, with the parameters that are given (SI).
