@@ -20,6 +20,7 @@
 #include "bekker/steady_wheel.h"
 #include "core/problem.h"
 #include "terrain/node_grid.h"
+#include "terrain/soil_field.h"
 #include "terrain/surface.h"
 #include "terrain/terrain.h"
 
@@ -43,6 +44,10 @@ enum class NodeArea { arc, projected };
 // with Eq. 9's signs at s < 0.
 enum class ShearHistory { rim, ground, closed_form };
 
+// Soil that the side of a sunk wheel pushes across: nothing, or Hegedus' passive wedge (bekker/bulldozing.h) along the
+// edge nodes, built up over K of sideways displacement like shear.
+enum class SideWall { none, hegedus };
+
 struct NodeSpringParams {
   double spacing = 0.005;  // [m] between nodes
   bekker::Soil soil;
@@ -52,10 +57,13 @@ struct NodeSpringParams {
   NodeArea area = NodeArea::arc;
   ShearHistory shear_history = ShearHistory::rim;
   bekker::SkidShear skid_shear = bekker::SkidShear::as_printed;  // for closed_form at s < 0
+  SideWall side_wall = SideWall::none;
   double springback = 2e-4;           // [m] rigid_plastic: rise over which a node lets go
   double unloading_k0 = 0.0;          // [Pa/m] k0 of elastic_plastic
   double unloading_au = 0.0;          // [Pa/m2] A_u
   double damping = 0.0;               // [Pa s/m] dashpot along the surface normal; pressure never falls below 0
+  double heap_fraction = 0.0;         // [-] of the soil pushed down that is heaped around the contact; 0: none
+  double repose_angle = 0.0;          // [rad] slope to which heaps and rut walls fall; 0: they stand at any slope
 
   Problems validate() const;
 };
@@ -63,9 +71,11 @@ struct NodeSpringParams {
 class NodeSpringTerrain final : public Terrain {
  public:
   // `law` names the laws and effects in force (null: k (z/b)^n and Janosi-Hanamoto); what it points to must outlive the
-  // ground. Throws InputError with every problem of the parameters.
+  // ground. `surface` is the ground before anything touched it (null: level at 0), `field` how its soil varies (null:
+  // params.soil everywhere). Throws InputError with every problem of the parameters.
   explicit NodeSpringTerrain(const NodeSpringParams& params, bekker::PointLaw law = {},
-                             std::shared_ptr<const Surface> surface = nullptr);
+                             std::shared_ptr<const Surface> surface = nullptr,
+                             std::shared_ptr<const SoilField> field = nullptr);
   ~NodeSpringTerrain() override;
 
   BodyId add_body(std::shared_ptr<const wheel::Body> shape) override;
@@ -90,24 +100,30 @@ class NodeSpringTerrain final : public Terrain {
 
  private:
   struct BodyState;
-  struct Evaluation;
-  struct Touch {
-    NodeIndex index;
-    double reached;  // sinkage of the node under the body [m]
-    double shear_x, shear_y;
-  };
+  struct Sums;
+  struct Roll;
   BodyState& state(BodyId body) const;
   ContactResult evaluate(BodyState& s, const Pose& pose, const Twist& twist, std::vector<PatchNode>* record) const;
-  ContactResult roll(BodyState& s, const Pose& pose, const Twist& twist, std::vector<PatchNode>* record) const;
+  // False where the body lies on its side and is to be taken as any other.
+  bool roll(BodyState& s, const Pose& pose, const Twist& twist, std::vector<PatchNode>* record, ContactResult& out) const;
   ContactResult press(BodyState& s, const Pose& pose, const Twist& twist, std::vector<PatchNode>* record) const;
   void commit(BodyState& s);
-  void leave(Node& node) const;
+  void leave(NodeIndex index, Node& node) const;
+  void heap(const BodyState& s, double volume);
+  void settle(int ix0, int iy0, int ix1, int iy1);
+  bekker::LocalSoil soil_at(double x, double y, double depth) const {
+    bekker::LocalSoil soil = soil_;
+    if (field_) field_->at(x, y, depth, soil);
+    return soil;
+  }
   double springback(const bekker::LocalSoil& soil, double plastic) const;
 
   NodeSpringParams params_;
   bekker::PointLaw law_;
   unsigned hooks_ = 0;
+  bool with_laws_ = false;
   bekker::LocalSoil soil_;
+  std::shared_ptr<const SoilField> field_;
   NodeGrid grid_;
   std::vector<std::unique_ptr<BodyState>> bodies_;
   double t_ = 0.0, h_ = 0.0;

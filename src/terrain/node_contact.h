@@ -1,0 +1,66 @@
+// Inside of the node-spring ground: what is remembered of a body, and the sums over its nodes. Included by
+// node_spring.cpp, node_roll.cpp and node_press.cpp alone.
+#pragma once
+
+#include "terrain/node_spring.h"
+#include "terrain/rim_shear.h"
+#include "wheel/body.h"
+#include "wheel/wheel.h"
+
+namespace terrode::terrain {
+
+struct NodeSpringTerrain::BodyState {
+  // What one node will remember of a trial.
+  struct Touch {
+    NodeIndex index;
+    double reached = 0.0;  // sinkage of the node under the body [m]
+    double shear_x = 0.0, shear_y = 0.0;
+  };
+
+  // What a trial computes and a commit keeps, apart from nodes and shear.
+  struct History {
+    bool placed = false;  // a pose is known
+    Pose pose;
+    double time = 0.0;
+    double direction = 1.0;  // of travel along the heading: +1 or -1
+    double backing = 0.0;    // [m] moved against it
+    double spin = 0.0;       // [rad] of the body about its axle, from the contact frame
+    Vec3 heading = Vec3::UnitX(), axle = Vec3::UnitY();
+    bool touching = false;
+    double exit = 0.0;    // moving part of theta_r [rad]
+    double load = 0.0;    // [N]
+    double stored = 0.0;  // [J]
+    double travel = 0.0;  // [m]
+    double turned = 0.0;  // [rad]
+  };
+
+  BodyId id = 0;
+  std::shared_ptr<const wheel::Body> shape;
+  const wheel::Wheel* wheel = nullptr;  // the same, where it is one
+  History kept, trial;
+  bool tried = false;
+  Pose trial_pose;
+  Twist trial_twist;
+
+  // Rolling bodies: strips of the width, from right to left.
+  std::vector<double> offsets;      // of a strip's middle along the axle [m]
+  std::vector<double> entry_angle, kept_entry;  // of the last trial; of the last commit, the next ones' first guess
+  std::vector<bekker::ContactArc> arcs;
+  std::vector<double> exit_sine;
+  RimShear shear, shear_trial;
+
+  std::vector<Touch> touches;      // of the last trial
+  std::vector<NodeIndex> contact;  // as committed
+};
+
+// Sums over nodes, in the frame of the contact, about the body's origin.
+struct NodeSpringTerrain::Sums {
+  Vec3 normal = Vec3::Zero(), normal_moment = Vec3::Zero();
+  Vec3 shear = Vec3::Zero(), shear_moment = Vec3::Zero();
+  double drive = 0.0, drag = 0.0;  // [N] of soil wedges
+  double area = 0.0, compaction = 0.0, stored = 0.0, damping_power = 0.0, max_sinkage = 0.0;
+  double unload_stiffness = 0.0, load_stiffness = 0.0;  // [N/m] along the ground's normal
+  int count = 0;
+};
+
+}  // namespace terrode::terrain
