@@ -19,6 +19,32 @@ Node& NodeGrid::touch(NodeIndex i) {
   return tile->nodes[slot(i)];
 }
 
+const NodeSurface* NodeGrid::surface_tile(NodeIndex i) const {
+  const std::int32_t tx = floor_div(i.ix), ty = floor_div(i.iy);
+  const std::uint64_t k = key(tx, ty);
+  if (last_surface_ && last_surface_key_ == k) return last_surface_;
+  auto& tile = surfaces_[k];
+  if (!tile) {
+    tile = std::make_unique<NodeSurface[]>(Tile::size * Tile::size);
+    for (int j = 0; j < Tile::size * Tile::size; ++j) {
+      const double x = (tx * Tile::size + j % Tile::size) * spacing_, y = (ty * Tile::size + j / Tile::size) * spacing_;
+      const Eigen::Vector2d g = surface_->gradient(x, y);
+      tile[static_cast<std::size_t>(j)] = {surface_->height(x, y), g.x(), g.y()};
+    }
+  }
+  last_surface_key_ = k;
+  return last_surface_ = tile.get();
+}
+
+double NodeGrid::base(double x, double y) const {
+  if (level_) return *level_;
+  const double u = x / spacing_, v = y / spacing_, fu = std::floor(u), fv = std::floor(v), a = u - fu, b = v - fv;
+  const auto at = [&](int dx, int dy) {
+    return surface_at({static_cast<std::int32_t>(fu) + dx, static_cast<std::int32_t>(fv) + dy}).z;
+  };
+  return (1 - b) * ((1 - a) * at(0, 0) + a * at(1, 0)) + b * ((1 - a) * at(0, 1) + a * at(1, 1));
+}
+
 double NodeGrid::change(double x, double y) const {
   if (tiles_.empty()) return 0.0;
   const double u = x / spacing_, v = y / spacing_;

@@ -37,6 +37,11 @@ struct Tile {
   Node nodes[size * size];
 };
 
+// The undisturbed surface at a node: height [m] and slopes.
+struct NodeSurface {
+  double z = 0.0, gx = 0.0, gy = 0.0;
+};
+
 class NodeGrid {
  public:
   NodeGrid(double spacing, std::shared_ptr<const Surface> surface) : spacing_(spacing), surface_(std::move(surface)) {
@@ -57,7 +62,15 @@ class NodeGrid {
 
   // Bilinear interpolation of (raised - entry), the change of the surface by finished and present contacts [m].
   double change(double x, double y) const;
-  double height(double x, double y) const { return surface_->height(x, y) + change(x, y); }
+  // The surface as it lies, where bodies meet it: the undisturbed one bilinear between nodes, plus its change [m].
+  double height(double x, double y) const { return base(x, y) + change(x, y); }
+
+  // The undisturbed surface at a node. Uneven ground keeps what it was asked for, tile by tile.
+  NodeSurface surface_at(NodeIndex i) const {
+    if (level_) return {*level_, 0.0, 0.0};
+    return surface_tile(i)[slot(i)];
+  }
+  double base(double x, double y) const;
 
   std::size_t tile_count() const { return tiles_.size(); }
   // Tiles in the order of their indices.
@@ -97,6 +110,8 @@ class NodeGrid {
     }
   };
 
+  const NodeSurface* surface_tile(NodeIndex i) const;
+
   double spacing_;
   std::shared_ptr<const Surface> surface_;
   std::optional<double> level_;
@@ -104,6 +119,11 @@ class NodeGrid {
   std::unordered_map<std::uint64_t, Tile*> by_key_;
   mutable std::uint64_t last_key_ = 0;
   mutable Last last_;
+
+  // No history: what surface_ answers, kept because it may be slow.
+  mutable std::unordered_map<std::uint64_t, std::unique_ptr<NodeSurface[]>> surfaces_;
+  mutable std::uint64_t last_surface_key_ = 0;
+  mutable const NodeSurface* last_surface_ = nullptr;
 };
 
 }  // namespace terrode::terrain

@@ -36,7 +36,7 @@ ContactResult NodeSpringTerrain::press(BodyState& s, const Pose& pose, const Twi
   for (int iy = iy0; iy <= iy1; ++iy) {
     for (int ix = ix0; ix <= ix1; ++ix) {
       const double px = ix * dx, py = iy * dx;
-      const double pz = grid_.level() ? *grid_.level() : grid_.surface().height(px, py);
+      const double pz = grid_.surface_at({ix, iy}).z;
       const Node* found = grid_.find({ix, iy});
       const Node& node = found ? *found : virgin;
       if (node.removed || lowest > pz + node.raised - node.entry + 0.5 * dx) continue;
@@ -98,7 +98,7 @@ ContactResult NodeSpringTerrain::press(BodyState& s, const Pose& pose, const Twi
         const Vec3 arm = pose.R_WB * line.hit.p_B, n = pose.R_WB * line.hit.n_B;
         constexpr double steepest = 1e-3;
         if (-n.z() < steepest) continue;
-        const double ground = grid_.level() ? pz : grid_.surface().height(line.x, line.y);
+        const double ground = grid_.level() ? pz : grid_.base(line.x, line.y);
         const double z = ground - (pose.p_W.z() + arm.z()) + node.raised - node.entry;
         if (z <= 0) continue;
         const double sinkage = z + node.entry;

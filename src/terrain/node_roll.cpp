@@ -89,9 +89,9 @@ bool NodeSpringTerrain::Roll::lay_frame() {
   if (!level) {
     // The mean slope under the wheel, over about the length of its contact.
     const double reach = 0.5 * rolling.radius, x = pose.p_W.x(), y = pose.p_W.y();
-    const Surface& surface = ground.grid_.surface();
-    u = Vec3(-(surface.height(x + reach, y) - surface.height(x - reach, y)) / (2 * reach),
-             -(surface.height(x, y + reach) - surface.height(x, y - reach)) / (2 * reach), 1.0)
+    const NodeGrid& grid = ground.grid_;
+    u = Vec3(-(grid.base(x + reach, y) - grid.base(x - reach, y)) / (2 * reach),
+             -(grid.base(x, y + reach) - grid.base(x, y - reach)) / (2 * reach), 1.0)
             .normalized();
   }
   const Vec3 axle = pose.R_WB * Vec3::UnitY();
@@ -153,7 +153,7 @@ void NodeSpringTerrain::Roll::describe() {
   context.width = rolling.width;
   context.unit_weight = params.soil.unit_weight();
   context.wheel_angle = trial.turned;
-  const double below = ground.grid_.surface().height(pose.p_W.x(), pose.p_W.y());
+  const double below = ground.grid_.base(pose.p_W.x(), pose.p_W.y());
   context.sinkage = std::max(0.0, rolling.radius - (pose.p_W.z() - below) * u.z());
   shape = {rolling.radius, context.slip, kept.load, 0.0};
   if (ground.hooks_ & StressModifier::kContact)
@@ -447,8 +447,8 @@ void NodeSpringTerrain::Roll::sum(Sums& sums) const {
   for (int ix = ix0; ix <= ix1; ++ix) {
     for (int iy = iy0; iy <= iy1; ++iy) {
       const double px = ix * dx, py = iy * dx;
-      const double pz = level ? *ground.grid_.level() : ground.grid_.surface().height(px, py);
-      const Vec3 rel(px - pose.p_W.x(), py - pose.p_W.y(), pz - pose.p_W.z());
+      const NodeSurface base = ground.grid_.surface_at({ix, iy});
+      const Vec3 rel(px - pose.p_W.x(), py - pose.p_W.y(), base.z - pose.p_W.z());
       const double xr = rel.dot(e_f), yr = rel.dot(e_y);
       const double cover = std::min(yr + hy, half_width) - std::max(yr - hy, -half_width);
       if (cover <= 1e-9 * dx) continue;
@@ -490,8 +490,7 @@ void NodeSpringTerrain::Roll::sum(Sums& sums) const {
       if (!(may_repeat && untouched && from == last_from && to == last_to && H == last_H)) {
         double climb = 0.0;  // of the undisturbed surface along e_f, downwards from the frame's plane
         if (!level) {
-          const Eigen::Vector2d g = ground.grid_.surface().gradient(px, py);
-          climb = -((g.x() * e_f.x() + g.y() * e_f.y()) * e_d.z() + e_f.x() * e_d.x() + e_f.y() * e_d.y());
+          climb = -((base.gx * e_f.x() + base.gy * e_f.y()) * e_d.z() + e_f.x() * e_d.x() + e_f.y() * e_d.y());
         }
         Cell& fresh = may_repeat && untouched ? repeated : own;
         fresh = Cell{};

@@ -202,7 +202,7 @@ void NodeSpringTerrain::settle(int ix0, int iy0, int ix1, int iy1) {
   const double dx = params_.spacing, steepest = std::tan(params_.repose_angle) * dx;
   const auto level = [&](NodeIndex i) {
     const Node* n = grid_.find(i);
-    return grid_.surface().height(i.ix * dx, i.iy * dx) + (n ? n->raised - n->entry : 0.0);
+    return grid_.surface_at(i).z + (n ? n->raised - n->entry : 0.0);
   };
   const auto free_node = [&](NodeIndex i) {
     const Node* n = grid_.find(i);
