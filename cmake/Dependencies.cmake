@@ -8,6 +8,7 @@ find_package(PNG REQUIRED)
 find_package(yaml-cpp REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(nlohmann_json REQUIRED)
+find_package(ZLIB REQUIRED)
 find_package(HDF5 REQUIRED COMPONENTS C)
 # ODE and matio ship no CMake config in Debian.
 pkg_check_modules(ODE REQUIRED IMPORTED_TARGET ode)

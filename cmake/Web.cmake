@@ -43,11 +43,19 @@ set(assets ${CMAKE_BINARY_DIR}/generated/report_assets.cpp)
 set(asset_list
   "page_css=${PROJECT_SOURCE_DIR}/web/page.css"
   "page_js=${PROJECT_SOURCE_DIR}/web/page.js"
+  "viewer_css=${PROJECT_SOURCE_DIR}/web/viewer.css"
+  "viewer_js=${PROJECT_SOURCE_DIR}/web/viewer.js"
   "uplot_css=${uplot_css}"
   "uplot_js=${uplot_js}")
 add_custom_command(OUTPUT ${assets}
   COMMAND ${CMAKE_COMMAND} "-DASSETS=${asset_list}" -DOUTPUT=${assets} -P ${PROJECT_SOURCE_DIR}/cmake/EmbedAssets.cmake
-  DEPENDS ${PROJECT_SOURCE_DIR}/web/page.css ${PROJECT_SOURCE_DIR}/web/page.js ${uplot_css} ${uplot_js}
+  DEPENDS ${PROJECT_SOURCE_DIR}/web/page.css ${PROJECT_SOURCE_DIR}/web/page.js ${PROJECT_SOURCE_DIR}/web/viewer.css
+          ${PROJECT_SOURCE_DIR}/web/viewer.js ${uplot_css} ${uplot_js}
           ${PROJECT_SOURCE_DIR}/cmake/EmbedAssets.cmake
   COMMENT "Embedding the scripts and styles of the report pages" VERBATIM)
 target_sources(terrode_report PRIVATE ${assets})
+
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
+  # Warns falsely about std::string (GCC bug 105651).
+  target_compile_options(terrode_report PRIVATE -Wno-restrict)
+endif()

@@ -7,6 +7,8 @@ namespace terrode::report::assets {
 
 std::string_view page_css();
 std::string_view page_js();
+std::string_view viewer_css();
+std::string_view viewer_js();
 std::string_view uplot_css();   // empty: built without the library
 std::string_view uplot_js();
 

@@ -9,6 +9,7 @@
 #include "core/problem.h"
 #include "core/version.h"
 #include "report/assets.h"
+#include "report/json_text.h"
 #include "report/svg.h"
 
 namespace terrode::report {
@@ -34,24 +35,7 @@ std::string mood_sign(Mood mood) {
                      word, path);
 }
 
-// JSON that may stand inside a <script>: no "<" survives.
-std::string json(const std::string& text) {
-  std::string out = "\"";
-  for (char c : text) switch (c) {
-      case '"': out += "\\\""; break;
-      case '\\': out += "\\\\"; break;
-      case '<': out += "\\u003c"; break;
-      case '\n': out += "\\n"; break;
-      case '\r': out += "\\r"; break;
-      case '\t': out += "\\t"; break;
-      default:
-        if (static_cast<unsigned char>(c) < 0x20)
-          out += fmt::format("\\u{:04x}", static_cast<unsigned>(static_cast<unsigned char>(c)));
-        else
-          out += c;
-    }
-  return out + "\"";
-}
+std::string json(const std::string& text) { return json_text(text); }
 
 // Ten digits carry every measurement and keep long recordings small.
 std::string json(double v) { return std::isfinite(v) ? fmt::format("{:.10g}", v) : "null"; }
