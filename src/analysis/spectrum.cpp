@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
+#include <mutex>
 #include <numbers>
 
 #include "core/problem.h"
@@ -93,8 +95,32 @@ void normalise(std::vector<double>& v) {
   for (double& x : v) x /= s;
 }
 
+// Tapers are needed again and again for series of one length (the runs of a campaign): the last few are kept.
+std::shared_ptr<const Tapers> kept_dpss(std::size_t n, double nw, std::size_t k) {
+  struct Kept {
+    std::size_t n, k;
+    double nw;
+    std::shared_ptr<const Tapers> tapers;
+  };
+  static std::mutex lock;
+  static std::vector<Kept> kept;
+  constexpr std::size_t kKept = 8, kLongest = 1 << 16;
+  {
+    const std::lock_guard<std::mutex> guard(lock);
+    for (const Kept& e : kept)
+      if (e.n == n && e.k == k && e.nw == nw) return e.tapers;
+  }
+  auto made = std::make_shared<const Tapers>(dpss(n, nw, k));
+  const std::lock_guard<std::mutex> guard(lock);
+  if (n <= kLongest) {
+    if (kept.size() >= kKept) kept.erase(kept.begin());
+    kept.push_back({n, k, nw, made});
+  }
+  return made;
+}
+
 struct Transforms {
-  Tapers tapers;
+  std::shared_ptr<const Tapers> tapers;
   std::size_t n = 0;  // padded length
   std::vector<std::vector<std::complex<double>>> x;
 };
@@ -103,9 +129,9 @@ Transforms transforms(const EvenSeries& series, const MultitaperOptions& options
   Transforms out;
   const std::size_t n = series.x.size();
   if (n < 8) throw InputError("a spectrum needs at least 8 samples");
-  out.tapers = dpss(n, options.nw, options.tapers);
+  out.tapers = kept_dpss(n, options.nw, options.tapers);
   out.n = power_of_two(n * std::max<std::size_t>(options.padding, 1));
-  for (const auto& h : out.tapers.h) out.x.push_back(transform(series.x, h, out.n));
+  for (const auto& h : out.tapers->h) out.x.push_back(transform(series.x, h, out.n));
   return out;
 }
 
@@ -262,7 +288,7 @@ Spectrum multitaper(const EvenSeries& series, const MultitaperOptions& options) 
   std::vector<double> at_zero(K, 0.0);
   double at_zero_squares = 0.0;
   for (std::size_t k = 0; k < K; ++k) {
-    for (const double h : tr.tapers.h[k]) at_zero[k] += h;
+    for (const double h : tr.tapers->h[k]) at_zero[k] += h;
     if (k % 2 == 1) at_zero[k] = 0.0;
     at_zero_squares += at_zero[k] * at_zero[k];
   }
@@ -282,7 +308,7 @@ Spectrum multitaper(const EvenSeries& series, const MultitaperOptions& options) 
     for (int it = 0; it < 20; ++it) {
       double top = 0.0, bottom = 0.0, fourth = 0.0;
       for (std::size_t k = 0; k < K; ++k) {
-        const double lambda = tr.tapers.concentration[k];
+        const double lambda = tr.tapers->concentration[k];
         const double weight = s > 0.0 ? s / (lambda * s + (1.0 - lambda) * variance) : 1.0;
         const double w2 = weight * weight * lambda;
         top += w2 * std::norm(tr.x[k][i]);
@@ -381,7 +407,8 @@ std::vector<double> lomb_scargle(std::span<const double> t, std::span<const doub
 Coherence coherence_at(const EvenSeries& first, const EvenSeries& second, double frequency, const MultitaperOptions& options) {
   if (first.x.size() != second.x.size()) throw InputError("coherence needs two series of the same length");
   Coherence out;
-  const Tapers tapers = dpss(first.x.size(), options.nw, options.tapers);
+  const auto kept = kept_dpss(first.x.size(), options.nw, options.tapers);
+  const Tapers& tapers = *kept;
   std::complex<double> cross = 0.0;
   double a = 0.0, b = 0.0;
   for (const auto& h : tapers.h) {

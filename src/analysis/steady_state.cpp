@@ -255,6 +255,19 @@ SteadyState steady_state(std::span<const double> time, std::span<const double> v
   return out;
 }
 
+double steady_begin(const recording::Run& run, const SteadyOptions& options) {
+  if (options.begin) return *options.begin;
+  double begin = run.time.empty() ? 0.0 : run.time.front();
+  SteadyOptions find = options;
+  find.period.reset();
+  for (const char* name : {recording::channel::drawbar_pull, recording::channel::driving_torque, recording::channel::sinkage})
+    if (const recording::Channel* c = run.find(name)) {
+      const SteadyState s = steady_state(run.time, c->values, find);
+      if (s.samples > 0) begin = std::max(begin, s.begin_time);
+    }
+  return begin;
+}
+
 std::map<std::string, SteadyState> steady_states(const recording::Run& run, const SteadyOptions& options) {
   std::map<std::string, SteadyState> out;
   for (const auto& [name, value] : run.steady) {
@@ -266,16 +279,7 @@ std::map<std::string, SteadyState> steady_states(const recording::Run& run, cons
   }
   if (run.time.empty()) return out;
   SteadyOptions common = options;
-  if (!options.begin) {
-    double begin = run.time.front();
-    for (const char* name : {recording::channel::drawbar_pull, recording::channel::driving_torque, recording::channel::sinkage})
-      if (const recording::Channel* c = run.find(name)) {
-        SteadyOptions find = options;
-        find.period.reset();
-        begin = std::max(begin, steady_state(run.time, c->values, find).begin_time);
-      }
-    common.begin = begin;
-  }
+  common.begin = steady_begin(run, options);
   for (const recording::Channel& c : run.channels) out[c.name] = steady_state(run.time, c.values, common);
   return out;
 }

@@ -53,6 +53,9 @@ struct SteadyState {
 // Throws InputError where times and values differ in number or options are wrong.
 SteadyState steady_state(std::span<const double> time, std::span<const double> values, const SteadyOptions& options = {});
 
+// Where a run as a whole becomes steady [s]: the last beginning among drawbar pull, driving torque and sinkage.
+double steady_begin(const recording::Run& run, const SteadyOptions& options = {});
+
 // The steady state of each channel of a run over one common window: it begins where the last of drawbar pull, driving
 // torque and sinkage has become steady. For a row of a table the recorded mean and deviation, reached = true, sem = 0.
 std::map<std::string, SteadyState> steady_states(const recording::Run& run, const SteadyOptions& options = {});
