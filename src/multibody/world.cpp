@@ -237,6 +237,7 @@ void AxisJoint::set_motor(const Motor& motor) {
           "a finite velocity");
   if (!(motor.max_effort >= 0.0))
     p.push_back({{}, 0, 0, name_ + ".motor.max_effort", fmt::format("is {:.6g}", motor.max_effort), "0 or more"});
+  require(p, name_ + ".motor.droop", motor.droop, "rad/s per N m", motor.droop >= 0.0, "0 or more");
   throw_if_any(p);
   has_motor_ = true;
   motor_ = motor;
@@ -274,6 +275,7 @@ void AxisJoint::apply_drive(double h) {
   applied_h_ = h;
   set_param(dParamVel, has_motor_ ? motor_.velocity : 0.0);
   set_param(dParamFMax, has_motor_ ? motor_.max_effort : 0.0);
+  set_param(dParamCFM, has_motor_ && motor_.droop > 0.0 ? motor_.droop : world_.options().cfm);
   if (has_spring_) {
     // A stop that is reached from both sides is ODE's implicit spring: f = -(k x + (h k + c) v) with these two.
     const double d = h * stiffness_ + damping_;
@@ -312,18 +314,18 @@ void AxisJoint::check(double time) const {
 
 void AxisJoint::save(std::vector<double>& s) const {
   s.insert(s.end(), {has_motor_ ? 1.0 : 0.0, motor_.velocity, motor_.max_effort, motor_.may_saturate ? 1.0 : 0.0,
-                     has_spring_ ? 1.0 : 0.0, stiffness_, damping_, rest_});
+                     motor_.droop, has_spring_ ? 1.0 : 0.0, stiffness_, damping_, rest_});
 }
 
 void AxisJoint::load_state(const double*& s) {
   has_motor_ = s[0] != 0.0;
-  motor_ = {s[1], s[2], s[3] != 0.0};
-  has_spring_ = s[4] != 0.0;
-  stiffness_ = s[5];
-  damping_ = s[6];
-  rest_ = s[7];
+  motor_ = {s[1], s[2], s[3] != 0.0, s[4]};
+  has_spring_ = s[5] != 0.0;
+  stiffness_ = s[6];
+  damping_ = s[7];
+  rest_ = s[8];
   applied_h_ = -1.0;
-  s += 8;
+  s += 9;
 }
 
 // ------------------------------------------------------------------------------------------------------------- slider

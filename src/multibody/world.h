@@ -110,6 +110,9 @@ struct Motor {
   // A motor that reaches its limit no longer imposes its motion, silently in ODE. Here that is a RunError unless the
   // limit is meant (a drive of limited torque).
   bool may_saturate = false;
+  // Velocity lost per unit of effort [m/s per N, rad/s per N m]: effort = (velocity - rate)/droop, solved implicitly.
+  // The line of a direct-current motor. 0: stiff.
+  double droop = 0.0;
 };
 
 // A joint between `body` and `parent` (nullptr: the world), attached in this order always: positions, rates and motor

@@ -1,5 +1,6 @@
 #include "terrain/rigid.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "wheel/body.h"
@@ -22,7 +23,7 @@ BodyId RigidTerrain::add_body(std::shared_ptr<const wheel::Body> shape) {
   if (!shape) throw InputError("rigid ground: no shape given for a body");
   shapes_.push_back(std::move(shape));
   patches_.emplace_back();
-  patches_.back().reserve(1);
+  patches_.back().reserve(2);
   return static_cast<BodyId>(shapes_.size()) - 1;
 }
 
@@ -49,15 +50,37 @@ ContactResult RigidTerrain::wrench(BodyId body, const Pose& pose, const Twist& t
   auto& patch = patches_[static_cast<std::size_t>(body)];
   patch.clear();
   ContactResult r;
-  const Vec3 arm = pose.R_WB * shapes_[static_cast<std::size_t>(body)]->support(pose.R_WB.conjugate() * -Vec3::UnitZ());
+  const wheel::Body& shape = *shapes_[static_cast<std::size_t>(body)];
+  // A cylinder's lowest point jumps from edge to edge as the wheel tilts; both edges with half of the stiffness each
+  // make a contact that turns with it.
+  const Vec3 axle = pose.R_WB * Vec3::UnitY();
+  const Vec3 down = -Vec3::UnitZ() + axle.z() * axle;
+  const bool two_edges = shape.plain_cylinder() && down.norm() > 0.1;
+  const int count = two_edges ? 2 : 1;
+  for (int i = 0; i < count; ++i) {
+    Vec3 arm;
+    if (two_edges) {
+      const wheel::Rolling& rim = *shape.rolling();
+      arm = rim.radius * down.normalized() + (i == 0 ? 0.5 : -0.5) * rim.width * axle;
+    } else {
+      arm = pose.R_WB * shape.support(pose.R_WB.conjugate() * -Vec3::UnitZ());
+    }
+    point(1.0 / count, arm, pose, twist, r, patch);
+  }
+  return r;
+}
+
+// Adds the contact of one point of the body, with a share of the stiffness and damping.
+void RigidTerrain::point(double share, const Vec3& arm, const Pose& pose, const Twist& twist, ContactResult& r,
+                         std::vector<PatchNode>& patch) const {
   const double depth = params_.height - (pose.p_W.z() + arm.z());
-  if (depth <= 0) return r;
+  if (depth <= 0) return;
+  const double stiffness = share * params_.stiffness, damping = share * params_.damping;
   const Vec3 v = twist.v_W + twist.w_W.cross(arm);
-  const double spring = params_.stiffness * depth;
-  const double push = spring - params_.damping * v.z();
-  r.max_sinkage = depth;
-  r.stored_energy = 0.5 * params_.stiffness * depth * depth;
-  if (push <= 0) return r;
+  const double push = stiffness * depth - damping * v.z();
+  r.max_sinkage = std::max(r.max_sinkage, depth);
+  r.stored_energy += 0.5 * stiffness * depth * depth;
+  if (push <= 0) return;
   const Vec3 slide(v.x(), v.y(), 0.0);
   const double speed = slide.norm();
   Vec3 F(0.0, 0.0, push);
@@ -66,22 +89,21 @@ ContactResult RigidTerrain::wrench(BodyId body, const Pose& pose, const Twist& t
                       (speed > 1e-9 * params_.sliding_scale ? std::tanh(speed / params_.sliding_scale) / speed
                                                             : 1.0 / params_.sliding_scale);
   F -= drag * slide;
-  r.wrench.F_W = F;
-  r.wrench.M_W = arm.cross(F);
-  r.stiffness(2, 2) = params_.stiffness;
+  r.wrench.F_W += F;
+  r.wrench.M_W += arm.cross(F);
   // Resistance of the contact point, whose velocity is A (v; w).
   Eigen::Matrix<double, 3, 6> A;
   A << Mat3::Identity(), (Mat3() << 0, arm.z(), -arm.y(), -arm.z(), 0, arm.x(), arm.y(), -arm.x(), 0).finished();
-  r.damping = A.transpose() * Vec3(drag, drag, params_.damping).asDiagonal() * A;
-  r.slip_power = -F.dot(slide);
-  r.damping_power = params_.damping * v.z() * v.z();
-  r.contact_count = 1;
+  r.damping += A.transpose() * Vec3(drag, drag, damping).asDiagonal() * A;
+  r.stiffness += A.transpose() * Vec3(0, 0, stiffness).asDiagonal() * A;
+  r.slip_power -= F.dot(slide);
+  r.damping_power += damping * v.z() * v.z();
+  ++r.contact_count;
   PatchNode node;
   node.p_W = pose.p_W + arm;
   node.n_W = -Vec3::UnitZ();
   node.sinkage = depth;
   patch.push_back(node);
-  return r;
 }
 
 void RigidTerrain::end_step() {

@@ -18,7 +18,8 @@ struct RigidGroundParams {
 };
 
 // Per body: penetration d of its lowest point, N = max(0, stiffness d + damping d'), friction
-// -friction N tanh(|v_t| / sliding_scale) v_t / |v_t| at that point, v_t its sliding velocity. Without history.
+// -friction N tanh(|v_t| / sliding_scale) v_t / |v_t| at that point, v_t its sliding velocity. A plain cylinder touches
+// with the lowest points of both its edges, each with half of stiffness and damping. Without history.
 class RigidTerrain final : public Terrain {
  public:
   explicit RigidTerrain(const RigidGroundParams& params = {});
@@ -37,6 +38,8 @@ class RigidTerrain final : public Terrain {
 
  private:
   void check_body(BodyId body) const;
+  void point(double share, const Vec3& arm, const Pose& pose, const Twist& twist, ContactResult& r,
+             std::vector<PatchNode>& patch) const;
   RigidGroundParams params_;
   std::vector<std::shared_ptr<const wheel::Body>> shapes_;
   std::vector<std::vector<PatchNode>> patches_;
