@@ -102,7 +102,7 @@
     }
     for (let i = 0; i < b.grouser_count; ++i) {
       const a = 2 * Math.PI * i / b.grouser_count, h = Math.max(b.grouser_thickness, 0.004 * r) / 2;
-      const e = [Math.sin(a), Math.cos(a)], t = [Math.cos(a), -Math.sin(a)];
+      const e = [-Math.sin(a), -Math.cos(a)], t = [-Math.cos(a), Math.sin(a)];  // the first points down
       const at = (radius, side, y) => [radius * e[0] + side * h * t[0], y, radius * e[1] + side * h * t[1]];
       const o = r + b.grouser_height, i0 = 0.98 * r;
       m.quad(at(o, -1, -w), at(o, -1, w), at(o, 1, w), at(o, 1, -w));

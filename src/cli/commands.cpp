@@ -17,6 +17,7 @@
 #define TERRODE_COMMANDS(X) \
   X(sweep)                  \
   X(export)                 \
+  X(view)                   \
   X(validate)               \
   X(schema)                 \
   X(completion)             \

@@ -104,7 +104,7 @@ Mesh mesh_of(const FrameBody& body) {
   }
   for (int i = 0; i < body.grouser_count; ++i) {
     const double a = kTurn * i / body.grouser_count, h = 0.5 * body.grouser_thickness;
-    const Vec3 out = rim(a, 1.0, 0.0), along(std::cos(a), 0.0, -std::sin(a)), across(0.0, 1.0, 0.0);
+    const Vec3 out = -rim(a, 1.0, 0.0), along(-std::cos(a), 0.0, std::sin(a)), across(0.0, 1.0, 0.0);
     const auto at = [&](double radius, double side, double y) { return Vec3(radius * out + side * h * along + y * across); };
     const double tip = r + body.grouser_height;
     m.face({at(tip, -1, -w), at(tip, -1, w), at(tip, 1, w), at(tip, 1, -w)});

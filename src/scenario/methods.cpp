@@ -133,7 +133,7 @@ vehicle::SweepMethod make_method(const std::string& name, const Scenario& scenar
   return vehicle::rig_method(
       name, rig_spec(scenario), rig_motion(scenario), std::make_shared<terrode::wheel::Wheel>(scenario.wheel_shape()),
       [name, scenario, settings, effects](const recording::Condition&) { return make_ground(name, scenario, *effects, settings); },
-      *effects);
+      *effects, settings.observe);
 }
 
 std::optional<double> averaging_period(const std::string& method, const Scenario& scenario, const OperatingPoint& at) {

@@ -1,6 +1,7 @@
 // From a scenario to what computes it: effects, rig, ground, and the methods of a slip sweep by name.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -24,6 +25,8 @@ vehicle::RigMotion rig_motion(const Scenario& scenario);
 struct MethodSettings {
   std::uint64_t seed = 1;
   int threads = 1;  // that one point may use itself
+  std::function<void(vehicle::Rig&)> observe;  // sees a run at time zero and after every sample; where points run in
+                                               // parallel it is called from several threads
 };
 
 // A method made ready for this scenario. Throws InputError where the scenario lacks what the method needs, or the

@@ -334,6 +334,8 @@ constexpr SampleChannel sample_channels[] = {
 
 }  // namespace
 
+const wheel::Body& Rig::shape() const { return *simulation_->contacts().front().shape; }
+
 recording::Run Rig::run(const Progress& progress) {
   touch_down(progress);
   const double h = spec_.time_step;
@@ -346,6 +348,7 @@ recording::Run Rig::run(const Progress& progress) {
     run.channels.push_back({c.name, c.unit, {}});
     run.channels.back().values.reserve(count);
   }
+  if (observer_) observer_(*this);
   while (!finished()) {
     if (progress.stop_requested())
       throw Interrupted(fmt::format("stopped at t = {:.6g} of {:.6g} s", last_.time, planned_));
@@ -360,6 +363,7 @@ recording::Run Rig::run(const Progress& progress) {
     run.time.push_back(sum.time * scale);
     for (std::size_t i = 0; i < std::size(sample_channels); ++i)
       run.channels[i].values.push_back(sum.*sample_channels[i].field * scale);
+    if (observer_) observer_(*this);
     progress.report(std::min(1.0, last_.time / planned_), "rig");
   }
   return run;

@@ -14,6 +14,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -119,6 +120,8 @@ class Rig {
   // Touchdown, if not yet done, and all steps; the samples as channels. What ended the run early, or could not be
   // reached, is in `events`. Throws Interrupted when asked to stop.
   recording::Run run(const Progress& progress = {});
+  // Called by run() at time zero and after every sample, between steps: for pictures of the run. It must change nothing.
+  void set_observer(std::function<void(Rig&)> observer) { observer_ = std::move(observer); }
   const std::vector<std::string>& events() const { return events_; }
 
   // Seconds simulated, touchdown included, and planned.
@@ -128,6 +131,7 @@ class Rig {
   RigEnergy energy() const;
   Simulation& simulation() { return *simulation_; }
   const RigSpec& spec() const { return spec_; }
+  const wheel::Body& shape() const;
   const RigMotion& motion() const { return motion_; }
 
   // Gives the ground up, ruts and all, for a next pass; the rig is done then.
@@ -160,6 +164,7 @@ class Rig {
   double start_kinetic_ = 0.0;
   RigSample last_;
   std::vector<std::string> events_;
+  std::function<void(Rig&)> observer_;
 };
 
 // The condition that a recording of this run has.

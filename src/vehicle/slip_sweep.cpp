@@ -156,7 +156,7 @@ SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& so
 SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMotion& motion,
                        std::shared_ptr<const wheel::Body> shape,
                        std::function<std::unique_ptr<terrain::Terrain>(const recording::Condition&)> ground,
-                       const effects::EffectSet& effects) {
+                       const effects::EffectSet& effects, std::function<void(Rig&)> observe) {
   throw_if_any(spec.validate());
   const auto run = [=](const recording::Condition& c, const Progress& progress) {
     RigSpec s = spec;
@@ -175,6 +175,7 @@ SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMo
       share.report = [&](double fraction, const std::string& what) {
         progress.report((pass - 1 + fraction) / c.pass, what);
       };
+      if (pass == c.pass) rig.set_observer(observe);
       out.run = rig.run(share);
       out.events = rig.events();
       out.simulated_seconds += rig.simulated_seconds();

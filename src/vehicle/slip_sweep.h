@@ -74,10 +74,10 @@ SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& so
 // The rig on a ground as a method. `ground` makes a fresh one for each point (called from several threads); load, speed
 // and slip of spec and motion are replaced by the condition's. Of `effects` the rig takes what acts on the load and on
 // the instruments; those of soil, wheel and bed are for `ground` to build in. A condition's pass above 1 runs the
-// earlier passes first, on the same ground from the same start.
+// earlier passes first, on the same ground from the same start. `observe` sees the last pass (Rig::set_observer).
 SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMotion& motion,
                        std::shared_ptr<const wheel::Body> shape,
                        std::function<std::unique_ptr<terrain::Terrain>(const recording::Condition&)> ground,
-                       const effects::EffectSet& effects = {});
+                       const effects::EffectSet& effects = {}, std::function<void(Rig&)> observe = {});
 
 }  // namespace terrode::vehicle

@@ -1,0 +1,165 @@
+#include "vehicle/frame_recorder.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "terrain/particle_view.h"
+#include "wheel/wheel.h"
+
+namespace terrode::vehicle {
+namespace {
+
+// The loaded nodes under each body now. A ground tells them within a step alone: one is tried on it and taken back.
+std::vector<std::vector<terrain::PatchNode>> pressed_nodes(Simulation& simulation) {
+  terrain::Terrain& ground = simulation.ground();
+  std::vector<std::vector<terrain::PatchNode>> out(simulation.contacts().size());
+  if (ground.sampling() != terrain::Sampling::point_value) return out;
+  const std::vector<std::uint8_t> before = ground.snapshot();
+  constexpr double kTrialStep = 1e-3;  // s; any length: forces are those at its beginning
+  ground.begin_step(simulation.time(), kTrialStep);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const GroundContact& c = simulation.contacts()[i];
+    ground.wrench(c.id, c.body->pose(), c.body->twist());
+    out[i] = ground.patch(c.id);
+  }
+  ground.end_step();
+  ground.restore(before);
+  return out;
+}
+
+}  // namespace
+
+Problems FrameSettings::validate() const {
+  Problems p;
+  require(p, "frames.interval", interval, "s", interval > 0.0, "a time above 0");
+  require(p, "frames.spacing", spacing, "m", spacing > 0.0, "a length above 0");
+  require(p, "frames.x_max", x_max, "m", x_max - x_min >= spacing, "above x_min by at least the spacing");
+  require(p, "frames.y_max", y_max, "m", y_max - y_min >= spacing, "above y_min by at least the spacing");
+  return p;
+}
+
+FrameSettings frame_settings(const Rig& rig, std::size_t frames) {
+  const wheel::Rolling& rim = *rig.shape().rolling();
+  const RigMotion& motion = rig.motion();
+  const double omega_r = motion.angular_velocity * rim.radius;
+  double speed = motion.forward_velocity.value_or(omega_r);
+  if (motion.mode == RigMode::imposed_slip && std::isfinite(motion.slip)) speed = omega_r * (1.0 - motion.slip);
+  double travel = speed * rig.planned_seconds();
+  if (!motion.duration) travel = std::clamp(travel, -motion.distance - rim.radius, motion.distance + rim.radius);
+  FrameSettings s;
+  s.interval = std::max(rig.planned_seconds() / static_cast<double>(std::max<std::size_t>(frames, 1)), rig.spec().time_step);
+  const double margin = 1.5 * rim.radius, from = rig.spec().start_x;
+  s.x_min = from + std::min(travel, 0.0) - margin;
+  s.x_max = from + std::max(travel, 0.0) + margin;
+  s.y_min = rig.spec().start_y - 0.5 * rim.width - 0.5 * rim.radius;
+  s.y_max = rig.spec().start_y + 0.5 * rim.width + 0.5 * rim.radius;
+  constexpr double kNodesARadius = 40.0, kMostAlong = 400.0;
+  s.spacing = std::max(rim.radius / kNodesARadius, (s.x_max - s.x_min) / kMostAlong);
+  s.names = {"wheel"};
+  return s;
+}
+
+FrameRecorder::FrameRecorder(const FrameSettings& settings) : settings_(settings) { throw_if_any(settings.validate()); }
+
+void FrameRecorder::lay_out(Simulation& simulation) {
+  for (std::size_t i = 0; i < simulation.contacts().size(); ++i) {
+    const wheel::Body& shape = *simulation.contacts()[i].shape;
+    recording::FrameBody b;
+    b.name = i < settings_.names.size() ? settings_.names[i] : fmt::format("body_{}", i + 1);
+    if (const wheel::Rolling* rim = shape.rolling()) {
+      b.radius = rim->radius;
+      b.width = rim->width;
+      if (const auto* w = dynamic_cast<const wheel::Wheel*>(&shape)) {
+        b.grouser_count = w->shape().grousers.count;
+        b.grouser_height = w->shape().grousers.height;
+        b.grouser_thickness = w->shape().grousers.thickness;
+      }
+    } else {
+      b.shape = recording::FrameBody::Shape::box;
+      b.size = Vec3(shape.support(Vec3::UnitX()).x() - shape.support(-Vec3::UnitX()).x(),
+                    shape.support(Vec3::UnitY()).y() - shape.support(-Vec3::UnitY()).y(),
+                    shape.support(Vec3::UnitZ()).z() - shape.support(-Vec3::UnitZ()).z());
+    }
+    layout_.bodies.push_back(std::move(b));
+  }
+  recording::FrameGround g;
+  g.x0 = settings_.x_min;
+  g.y0 = settings_.y_min;
+  g.spacing = settings_.spacing;
+  g.columns = static_cast<std::size_t>(std::floor((settings_.x_max - settings_.x_min) / g.spacing + 1e-9)) + 1;
+  g.rows = static_cast<std::size_t>(std::floor((settings_.y_max - settings_.y_min) / g.spacing + 1e-9)) + 1;
+  for (std::size_t j = 0; j < g.rows; ++j)
+    for (std::size_t i = 0; i < g.columns; ++i)
+      g.undisturbed.push_back(static_cast<float>(simulation.ground().undisturbed_height(
+          g.x0 + static_cast<double>(i) * g.spacing, g.y0 + static_cast<double>(j) * g.spacing)));
+  g.pressure = true;
+  layout_.ground = std::move(g);
+  recording::FrameParticles grains;
+  std::vector<float> position;
+  if (const auto* view = dynamic_cast<const terrain::ParticleView*>(&simulation.ground())) view->particles(position, grains.radius);
+  if (!grains.radius.empty()) {
+    grains.low = grains.high = Vec3(position[0], position[1], position[2]);
+    for (std::size_t i = 0; i < position.size(); i += 3) {
+      const Vec3 p(position[i], position[i + 1], position[i + 2]);
+      grains.low = grains.low.cwiseMin(p);
+      grains.high = grains.high.cwiseMax(p);
+    }
+    layout_.particles = std::move(grains);
+  }
+}
+
+void FrameRecorder::observe(double time, Simulation& simulation) {
+  constexpr double kRounding = 1e-9;  // of an interval: times are sums of steps
+  if (frames_.empty()) {
+    lay_out(simulation);
+    next_ = time;
+  } else if (time < next_ - kRounding * settings_.interval || time <= frames_.back().time) {
+    return;
+  }
+  while (next_ <= time + kRounding * settings_.interval) next_ += settings_.interval;
+
+  const recording::FrameGround& g = *layout_.ground;
+  recording::Frame frame;
+  frame.time = time;
+  frame.height.reserve(g.columns * g.rows);
+  for (std::size_t j = 0; j < g.rows; ++j)
+    for (std::size_t i = 0; i < g.columns; ++i)
+      frame.height.push_back(static_cast<float>(simulation.ground().height(g.x0 + static_cast<double>(i) * g.spacing,
+                                                                           g.y0 + static_cast<double>(j) * g.spacing)));
+  frame.pressure.assign(g.columns * g.rows, 0.0f);
+  const auto patches = pressed_nodes(simulation);
+  for (const GroundContact& c : simulation.contacts()) {
+    frame.bodies.push_back({c.body->pose(), c.wrench});
+    for (const terrain::PatchNode& n : patches[frame.bodies.size() - 1]) {
+      // A node stands for a square of its own area, and for at least one node of the grid.
+      const double reach = std::max(0.5 * std::sqrt(std::max(n.area, 0.0)), 0.5 * g.spacing);
+      const auto span = [&](double at, double origin, std::size_t count) {
+        const auto from = static_cast<std::ptrdiff_t>(std::ceil((at - reach - origin) / g.spacing));
+        const auto to = static_cast<std::ptrdiff_t>(std::floor((at + reach - origin) / g.spacing));
+        return std::pair{std::max<std::ptrdiff_t>(from, 0), std::min(to, static_cast<std::ptrdiff_t>(count) - 1)};
+      };
+      const auto [i0, i1] = span(n.p_W.x(), g.x0, g.columns);
+      const auto [j0, j1] = span(n.p_W.y(), g.y0, g.rows);
+      for (std::ptrdiff_t j = j0; j <= j1; ++j)
+        for (std::ptrdiff_t i = i0; i <= i1; ++i) {
+          float& p = frame.pressure[static_cast<std::size_t>(j) * g.columns + static_cast<std::size_t>(i)];
+          p = std::max(p, static_cast<float>(n.pressure));
+        }
+    }
+  }
+  if (layout_.particles) {
+    std::vector<float> radius;
+    dynamic_cast<const terrain::ParticleView&>(simulation.ground()).particles(frame.position, radius);
+    if (radius.size() != layout_.particles->radius.size()) throw RunError("the number of particles changed between frames");
+  }
+  frames_.push_back(std::move(frame));
+}
+
+void FrameRecorder::write(recording::Hdf5File& file) const {
+  recording::FrameWriter writer(file, layout_);
+  for (const recording::Frame& frame : frames_) writer.append(frame);
+}
+
+}  // namespace terrode::vehicle

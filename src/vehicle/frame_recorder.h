@@ -1,0 +1,52 @@
+// Takes frames of a simulation at regular times: wheels, the force of the ground on them, the ground's surface and
+// pressure on a grid, and its particles where it has any.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "recording/frames.h"
+#include "vehicle/rig.h"
+#include "vehicle/simulation.h"
+
+namespace terrode::vehicle {
+
+struct FrameSettings {
+  double interval = 0.05;      // s between frames
+  double x_min = 0.0, x_max = 0.0, y_min = 0.0, y_max = 0.0;  // m, the part of the ground that is kept
+  double spacing = 0.005;      // m between its nodes
+  std::vector<std::string> names;  // of the bodies on the ground, in their order; missing ones are numbered
+
+  Problems validate() const;
+};
+
+// The stretch that a rig will drive over, with half a wheel around it, at most 400 nodes along, and about `frames`
+// frames over the whole run.
+FrameSettings frame_settings(const Rig& rig, std::size_t frames);
+
+// Frames are kept in memory until write(): a few hundred thousand numbers each.
+class FrameRecorder {
+ public:
+  // Throws InputError with every problem.
+  explicit FrameRecorder(const FrameSettings& settings);
+
+  // Call between steps; takes a frame when `time` [s] has reached the next one. The first call takes one.
+  void observe(double time, Simulation& simulation);
+
+  std::size_t count() const { return frames_.size(); }
+  const recording::FrameLayout& layout() const { return layout_; }
+  const std::vector<recording::Frame>& frames() const { return frames_; }
+
+  // Writes /frames (and /particles) into an open file. Throws RunError.
+  void write(recording::Hdf5File& file) const;
+
+ private:
+  void lay_out(Simulation& simulation);
+
+  FrameSettings settings_;
+  recording::FrameLayout layout_;
+  std::vector<recording::Frame> frames_;
+  double next_ = 0.0;
+};
+
+}  // namespace terrode::vehicle
