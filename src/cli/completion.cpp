@@ -120,7 +120,7 @@ void add_completion(CLI::App& app, Common& common) {
   command->add_option("SHELL", *shell, "bash")->required()->check(CLI::IsMember(shells))->type_name("");
   common.words["completion SHELL"] = shells;
   add_common(*command, common, false);
-  command->callback([] { std::fputs(bash_completion().c_str(), stdout); });
+  command->callback([shell] { std::fputs(bash_completion().c_str(), stdout); });
 }
 
 void add_man(CLI::App& app, Common& common) {
