@@ -3,11 +3,13 @@
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 
 #include "cli/sweep_result.h"
 #include "cli/terminal.h"
 #include "recording/result_file.h"
+#include "report/vtk.h"
 
 namespace terrode::cli {
 namespace {
@@ -46,18 +48,37 @@ void export_csv(const Arguments& a) {
     write_text_atomically(a.output, text);
 }
 
+void export_vtk(const Arguments& a, const Common& common) {
+  const recording::Hdf5File file = recording::Hdf5File::open(a.result);
+  recording::read_header(file);
+  if (!recording::FrameReader::has_frames(file))
+    throw InputError({a.result, 0, 0, "frames", "are not in the file", "a result of 'terrode run --frames N'"});
+  const recording::FrameReader frames(file);
+  std::filesystem::path output = a.output;
+  if (output.empty()) output = std::filesystem::path(a.result).replace_extension(".pvd");
+  std::vector<std::filesystem::path> written;
+  {
+    const Progress progress = show_progress(common);
+    written = report::write_vtk(frames, output, progress);
+  }
+  if (common.json)
+    print_json({{"file", written.back().string()}, {"frames", frames.count()}, {"files", written.size()}});
+  else
+    std::printf("%s: %zu frames in %zu files\n", written.back().string().c_str(), frames.count(), written.size());
+}
+
 }  // namespace
 
 void add_export(CLI::App& app, Common& common) {
-  CLI::App* command = app.add_subcommand("export", "a result for spreadsheets (csv)");
+  CLI::App* command = app.add_subcommand("export", "a result for spreadsheets (csv), its frames for ParaView (vtk)");
   const auto a = std::make_shared<Arguments>();
-  const std::vector<std::string> formats = {"csv"};
+  const std::vector<std::string> formats = {"csv", "vtk"};
   command->add_option("RESULT", a->result, "result file (HDF5)")->required()->type_name("");
-  command->add_option("--to", a->format, "csv")->required()->check(CLI::IsMember(formats))->type_name("FORMAT");
-  command->add_option("-o,--output", a->output, "file to write (default: standard output)")->type_name("FILE");
+  command->add_option("--to", a->format, "csv, vtk")->required()->check(CLI::IsMember(formats))->type_name("FORMAT");
+  command->add_option("-o,--output", a->output, "file to write (default: csv to standard output, vtk beside the result with .pvd)")->type_name("FILE");
   common.words["export --to"] = formats;
   add_common(*command, common, false);
-  command->callback([a] { export_csv(*a); });
+  command->callback([a, &common] { a->format == "vtk" ? export_vtk(*a, common) : export_csv(*a); });
 }
 
 }  // namespace terrode::cli
