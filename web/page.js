@@ -72,7 +72,7 @@
       const c = u.ctx, b = u.bbox, m = 6 * devicePixelRatio;
       c.save();
       c.beginPath();
-      c.rect(b.left - m, b.top - m, b.width + 2 * m, b.height + m);
+      c.rect(b.left - m, b.top - m, b.width + 2 * m, b.height + 2 * m);
       c.clip();
       draw(c, devicePixelRatio);
       c.restore();

@@ -435,7 +435,7 @@ std::string svg(const Figure& figure, const SvgOptions& options) {
   if (options.standalone && !figure.title.empty()) out += title_text(figure.title, f.left);
   out += axes(f, sx, sy, figure.x, figure.y, x_ticks, x_labels, y_ticks, y_labels);
   out += fmt::format(R"(<clipPath id="{}-clip"><rect x="{}" y="{}" width="{}" height="{}"/></clipPath><g clip-path='url(#{}-clip)' fill="none" stroke-width="2" stroke-linejoin="round" stroke-linecap="round">)",
-                     escape(options.id), px(f.left - 5), px(f.top - 5), px(f.right - f.left + 10), px(f.bottom - f.top + 6),
+                     escape(options.id), px(f.left - 5), px(f.top - 5), px(f.right - f.left + 10), px(f.bottom - f.top + 10),
                      escape(options.id));
 
   std::vector<int> colours(figure.series.size());

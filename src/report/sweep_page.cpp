@@ -104,7 +104,7 @@ std::pair<Mood, std::string> finding(const SweepReport& report, const SweepCurve
       for (const Shown& s : kShown) {
         const Difference d = difference(c, *measured, s.value);
         if (!std::isfinite(d.relative())) continue;
-        parts.push_back(fmt::format("{} % in {}", format_number(100.0 * d.relative(), 2), s.name));
+        parts.push_back(fmt::format("{}\u00a0% in {}", format_number(100.0 * d.relative(), 2), s.name));
         worst = std::max(worst, d.relative());
       }
       if (parts.empty()) continue;
@@ -240,7 +240,10 @@ Page sweep_page(const SweepReport& report) {
       numbers.rows.push_back(std::move(row));
     }
   }
-  numbers.caption = "±: standard error of the mean, autocorrelation counted; for measured points the scatter given with them.";
+  bool errors = false;
+  for (const auto& row : numbers.rows)
+    errors = errors || std::any_of(row.begin(), row.end(), [](const Cell& c) { return std::holds_alternative<PlusMinus>(c); });
+  if (errors) numbers.caption = "±: standard error of the mean, autocorrelation counted; for measured points the scatter given with them.";
   page.section("Numbers").table(std::move(numbers));
 
   Table cost;

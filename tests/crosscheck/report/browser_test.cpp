@@ -77,7 +77,7 @@ TEST_F(Browser, ShowsTheValuesThatWereGiven) {
   EXPECT_NEAR(r["y"][4].get<double>(), -4.0, 1e-9);
   EXPECT_NEAR(r["y"][10].get<double>(), 20.0 * std::tanh(2.4) - 4.0, 1e-8);
   EXPECT_THAT(r["cells"].dump(), testing::HasSubstr("−4.00 ± 0.30"));
-  EXPECT_THAT(r["verdict"].get<std::string>(), testing::HasSubstr("node-spring 0 % in drawbar pull"));
+  EXPECT_THAT(r["verdict"].get<std::string>(), testing::HasSubstr("node-spring 0\u00a0% in drawbar pull"));
 }
 
 TEST_F(Browser, CurvesAnswerToThePointerAndToClicks) {

@@ -96,7 +96,7 @@ TEST(Page, SaysWhenItCannotBeWritten) { EXPECT_THROW(Page("t").write_html("/nowh
 TEST(SweepPage, ComparesWithTheMeasuredPointsBetweenItsSlips) {
   // Model 1 N against measured 2 N: half of the largest measured value.
   const std::string html = sweep_page(small_sweep()).html();
-  EXPECT_THAT(html, HasSubstr("steady 50 % in drawbar pull."));
+  EXPECT_THAT(html, HasSubstr("steady 50\u00a0% in drawbar pull."));
   EXPECT_THAT(html, HasSubstr("terrode sweep wheel.yaml"));
   EXPECT_THAT(html, HasSubstr("wheel: {radius: 157 mm}"));
 }
