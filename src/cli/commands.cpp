@@ -15,6 +15,7 @@
 
 // One line a command: X(name) stands for add_name() of src/cli/name.cpp. In the order in which help lists them.
 #define TERRODE_COMMANDS(X) \
+  X(run)                    \
   X(sweep)                  \
   X(export)                 \
   X(view)                   \
@@ -48,6 +49,7 @@ void say(const Common& common, const Problems& problems, const std::string& what
 // What went to standard output must have arrived there.
 int flushed(int status) {
   if (std::fflush(stdout) == 0 && !std::ferror(stdout)) return status;
+  if (errno == EPIPE) return status;  // the reader has seen enough
   std::fprintf(stderr, "terrode: cannot write to standard output: %s\n", std::strerror(errno));
   return status == 0 ? 1 : status;
 }

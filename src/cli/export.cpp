@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -18,24 +17,12 @@ struct Arguments {
   std::string result, format = "csv", output;
 };
 
-std::string series_csv(const recording::Run& run) {
-  std::string out = "time [s]";
-  for (const recording::Channel& c : run.channels) out += "," + (c.unit.empty() ? c.name : fmt::format("{} [{}]", c.name, c.unit));
-  out += "\n";
-  for (std::size_t i = 0; i < run.time.size(); ++i) {
-    out += fmt::format("{}", run.time[i]);
-    for (const recording::Channel& c : run.channels) out += std::isfinite(c.values[i]) ? fmt::format(",{}", c.values[i]) : ",";
-    out += "\n";
-  }
-  return out;
-}
-
 void export_csv(const Arguments& a) {
   const recording::Hdf5File file = recording::Hdf5File::open(a.result);
   recording::read_header(file);
   std::string text;
   if (file.is_group("/run")) {
-    text = series_csv(recording::read_series(file, "/run"));
+    text = recording::series_csv(recording::read_series(file, "/run"));
   } else {
     std::vector<MethodResult> results;
     for (const std::string& method : recording::result_methods(file))

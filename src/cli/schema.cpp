@@ -10,11 +10,13 @@ namespace terrode::cli {
 void add_schema(CLI::App& app, Common& common) {
   CLI::App* command = app.add_subcommand("schema", "print the JSON Schema of a scenario or recording, for editors");
   const auto what = std::make_shared<std::string>("scenario");
-  const std::vector<std::string> kinds = {"scenario"};
+  const std::vector<std::string> kinds = {"scenario", "recording"};
   command->add_option("KIND", *what, "what to describe (default: scenario)")->check(CLI::IsMember(kinds))->type_name("");
   common.words["schema KIND"] = kinds;
   add_common(*command, common, false);
-  command->callback([what] { std::fputs(scenario::scenario_schema().c_str(), stdout); });
+  command->callback([what] {
+    std::fputs((*what == "recording" ? scenario::recording_schema() : scenario::scenario_schema()).c_str(), stdout);
+  });
 }
 
 }  // namespace terrode::cli

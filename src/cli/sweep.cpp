@@ -9,8 +9,11 @@
 #include <memory>
 #include <set>
 
+#include "cli/input.h"
+#include "cli/sweep_report.h"
 #include "cli/sweep_result.h"
 #include "cli/terminal.h"
+#include "report/svg.h"
 #include "scenario/methods.h"
 
 namespace terrode::cli {
@@ -22,7 +25,7 @@ using scenario::OperatingPoint;
 constexpr const char* kPending = "not computed yet";
 
 struct Arguments {
-  std::string scenario, output, csv, slips;
+  std::string scenario, output, csv, slips, figure;
   std::vector<std::string> methods;
   bool overwrite = false;
 };
@@ -138,6 +141,14 @@ void judge_failures(const scenario::Scenario& s, const std::vector<MethodResult>
   common.status = 1;
 }
 
+// NAME.svg holds the drawbar pull; torque and sinkage go to NAME_torque.svg and NAME_sinkage.svg.
+void write_figure(const std::vector<report::Figure>& figures, const std::string& path) {
+  const fs::path p(path);
+  const char* suffixes[] = {"", "_torque", "_sinkage"};
+  for (std::size_t i = 0; i < figures.size() && i < 3; ++i)
+    report::write_svg(figures[i], p.parent_path() / (p.stem().string() + suffixes[i] + ".svg"));
+}
+
 bool any_good(const std::vector<MethodResult>& results) {
   for (const MethodResult& r : results)
     for (const SweepPoint& p : r.points)
@@ -153,8 +164,7 @@ std::vector<std::string> unique(const std::vector<std::string>& names) {
 }
 
 void sweep(const Arguments& arguments, Common& common) {
-  const scenario::Scenario s = scenario::load_scenario(arguments.scenario, common.threads);
-  for (const std::string& n : s.notes) note(common, n);
+  const scenario::Scenario s = load_input(arguments.scenario, common);
   const std::vector<std::string> names = !arguments.methods.empty() ? unique(arguments.methods)
                                          : !s.methods.empty()       ? unique(s.methods)
                                                                     : std::vector<std::string>{"steady"};
@@ -228,8 +238,14 @@ void sweep(const Arguments& arguments, Common& common) {
   if (file) file->save(true);
   if (!there.empty()) note(common, fmt::format("{} points were in {} already", there.size(), arguments.output));
   if (!arguments.csv.empty()) write_text_atomically(arguments.csv, sweep_csv(results));
+  const std::vector<SweepPoint> measured = measured_points(s);
+  if (!common.report.empty() || !arguments.figure.empty()) {
+    const report::SweepReport page = sweep_report(s, results, measured, common.command_line);
+    if (!common.report.empty()) report::sweep_page(page).write_html(common.report);
+    if (!arguments.figure.empty()) write_figure(report::sweep_figures(page), arguments.figure);
+  }
   if (common.json)
-    print_json(sweep_json(s.file, s.rig.slip_convention, results));
+    print_json(sweep_json(s.file, s.rig.slip_convention, results, measured));
   else if (any_good(results))
     std::fputs(sweep_text(results).c_str(), stdout);
   judge_failures(s, results, common);
@@ -249,6 +265,7 @@ void add_sweep(CLI::App& app, Common& common) {
   command->add_option("-o,--output", a->output, "result file (HDF5); points that are in it already are not computed again")
       ->type_name("OUT.h5");
   command->add_option("--csv", a->csv, "write the table to this file")->type_name("FILE.csv");
+  command->add_option("--figure", a->figure, "draw drawbar pull to this file, torque and sinkage beside it")->type_name("FILE.svg");
   command->add_flag("--overwrite", a->overwrite, "replace a result file of another scenario");
   add_common(*command, common, true);
   common.words["sweep --method"] = scenario::method_names();

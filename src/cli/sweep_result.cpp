@@ -157,29 +157,36 @@ std::vector<SweepPoint> from_table(const recording::ResultTable& table) {
   return out;
 }
 
+static Json point_json(const SweepPoint& p) {
+  Json point = {{"slip", number(p.at.slip_given)}};
+  if (p.failed()) {
+    point["normal_load"] = number(p.at.normal_load);
+  } else {
+    for (const Field& f : kFields)
+      if (std::isfinite(p.*f.member)) point[f.name] = p.*f.member;
+    if (!point.contains("normal_load")) point["normal_load"] = number(p.at.normal_load);
+  }
+  point["angular_velocity"] = number(p.at.angular_velocity);
+  if (p.at.pass != 1) point["pass"] = p.at.pass;
+  if (p.failed())
+    point["error"] = p.error;
+  else
+    point["steady"] = p.steady;
+  if (!p.remarks.empty()) point["remarks"] = p.remarks;
+  return point;
+}
+
 Json sweep_json(const std::string& scenario_file, const std::string& slip_convention,
-                const std::vector<MethodResult>& results) {
+                const std::vector<MethodResult>& results, const std::vector<SweepPoint>& measured) {
   Json out = {{"scenario", scenario_file}, {"slip_convention", slip_convention}, {"results", Json::array()}};
   for (const MethodResult& r : results) {
     Json points = Json::array();
-    for (const SweepPoint& p : r.points) {
-      Json point = {{"slip", number(p.at.slip_given)}};
-      if (p.failed()) {
-        point["normal_load"] = number(p.at.normal_load);
-        point["angular_velocity"] = number(p.at.angular_velocity);
-        if (p.at.pass != 1) point["pass"] = p.at.pass;
-        point["error"] = p.error;
-      } else {
-        for (const Field& f : kFields)
-          if (std::isfinite(p.*f.member)) point[f.name] = p.*f.member;
-        point["angular_velocity"] = number(p.at.angular_velocity);
-        if (p.at.pass != 1) point["pass"] = p.at.pass;
-        point["steady"] = p.steady;
-        if (!p.remarks.empty()) point["remarks"] = p.remarks;
-      }
-      points.push_back(std::move(point));
-    }
+    for (const SweepPoint& p : r.points) points.push_back(point_json(p));
     out["results"].push_back({{"method", r.method}, {"points", std::move(points)}});
+  }
+  if (!measured.empty()) {
+    out["measured"] = Json::array();
+    for (const SweepPoint& p : measured) out["measured"].push_back(point_json(p));
   }
   return out;
 }

@@ -56,7 +56,7 @@ std::vector<SweepPoint> from_table(const recording::ResultTable& table);
 
 // The document of `sweep --json` (docs of the command line).
 Json sweep_json(const std::string& scenario_file, const std::string& slip_convention,
-                const std::vector<MethodResult>& results);
+                const std::vector<MethodResult>& results, const std::vector<SweepPoint>& measured = {});
 
 // One row a method and slip, units in the header, '.' as decimal point, digits that read back to the same values.
 std::string sweep_csv(const std::vector<MethodResult>& results);

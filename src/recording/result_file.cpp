@@ -179,6 +179,18 @@ Run read_series(const Hdf5File& file, const std::string& group) {
   return run;
 }
 
+std::string series_csv(const Run& run) {
+  std::string out = "time [s]";
+  for (const Channel& c : run.channels) out += "," + (c.unit.empty() ? c.name : fmt::format("{} [{}]", c.name, c.unit));
+  out += "\n";
+  for (std::size_t i = 0; i < run.time.size(); ++i) {
+    out += fmt::format("{}", run.time[i]);
+    for (const Channel& c : run.channels) out += std::isfinite(c.values[i]) ? fmt::format(",{}", c.values[i]) : ",";
+    out += "\n";
+  }
+  return out;
+}
+
 std::vector<std::string> result_methods(const Hdf5File& file) {
   std::vector<std::string> out;
   if (file.is_group("/sweep")) out = file.children("/sweep");

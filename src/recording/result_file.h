@@ -57,6 +57,9 @@ ResultTable read_table(const Hdf5File& file, const std::string& group);
 void write_series(Hdf5File& file, const std::string& group, const Run& run);
 Run read_series(const Hdf5File& file, const std::string& group);
 
+// A time series as CSV: units in the header, '.' as decimal point, digits that read back to the same values.
+std::string series_csv(const Run& run);
+
 // Unit and meaning of the columns that results have in common; empty where the name has none.
 std::string column_unit(const std::string& name);
 std::string column_description(const std::string& name);

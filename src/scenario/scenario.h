@@ -134,6 +134,8 @@ Scenario parse_scenario(const std::string& text, const std::string& file);
 std::string to_yaml(const Scenario& scenario);
 // JSON Schema (draft 2020-12) of a scenario file, for editors.
 std::string scenario_schema();
+// The same for recording.yaml.
+std::string recording_schema();
 
 // "0.1", "-0.7,0.3,0.5" or "FROM:TO:STEP" (both ends included) as slips. Throws InputError.
 std::vector<double> parse_slips(const std::string& text);

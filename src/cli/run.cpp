@@ -1,0 +1,128 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include "analysis/steady_state.h"
+#include "cli/input.h"
+#include "cli/terminal.h"
+#include "recording/result_file.h"
+#include "scenario/methods.h"
+
+namespace terrode::cli {
+namespace {
+
+struct Arguments {
+  std::string scenario, output, csv, method;
+  std::string slip;
+};
+
+void run_rig(const Arguments& a, Common& common) {
+  scenario::Scenario s = load_input(a.scenario, common);
+  std::string method = a.method;
+  for (const std::string& m : s.methods)
+    if (method.empty() && m != "steady") method = m;
+  if (method.empty()) method = "node-spring";
+  if (method == "steady")
+    throw InputError({{}, 0, 0, "--method", "is 'steady', which has no time", "node-spring, dem or mpi (or the command sweep)"});
+  if (!a.slip.empty()) {
+    const std::vector<double> slips = scenario::parse_slips(a.slip);
+    if (slips.size() != 1) throw InputError({{}, 0, 0, "--slip", fmt::format("is '{}'", a.slip), "one slip (or the command sweep)"});
+    s.rig.slip = slips.front();
+  }
+  scenario::MethodSettings settings;
+  settings.seed = common.seed_option && common.seed_option->count() > 0 ? common.seed : static_cast<std::uint64_t>(s.seed);
+  settings.threads = common.threads;
+  const scenario::OperatingPoint at = s.operating_points({s.rig.slip}).front();
+  recording::Condition condition = scenario::condition_of(at, s.wheel.radius);
+  const vehicle::SweepMethod ready = scenario::make_method(method, s, settings);
+
+  // A place that cannot be written is known before the work, not after it.
+  const auto write = [&](const recording::Run* run) {
+    recording::write_atomically(a.output, false, [&](recording::Hdf5File& file) {
+      recording::ResultHeader header = recording::ResultHeader::now("terrode run");
+      header.title = s.title;
+      header.scenario_file = s.file;
+      header.scenario_text = s.text;
+      header.scenario_resolved = scenario::to_yaml(s);
+      header.slip_convention = s.rig.slip_convention;
+      header.command = common.command_line;
+      header.seed = static_cast<std::int64_t>(settings.seed);
+      recording::write_header(file, header);
+      if (!run) return;
+      recording::write_series(file, "/run", *run);
+      file.set_attribute("/run", "method", method);
+      file.set_attribute("/run", "slip_wong_reece", at.slip);
+      file.set_attribute("/run", "normal_load", at.normal_load);
+      file.set_attribute("/run", "angular_velocity", at.angular_velocity);
+    });
+  };
+  if (!a.output.empty() && !std::filesystem::exists(a.output)) {
+    write(nullptr);
+    std::filesystem::remove(a.output);
+  }
+
+  vehicle::PointResult result;
+  {
+    const Progress progress = show_progress(common);
+    try {
+      result = ready.run(condition, progress);
+    } catch (const Interrupted&) {
+      throw Interrupted("The run had not ended; nothing was written.");
+    }
+  }
+  recording::Run& run = result.run;
+  run.id = "run";
+  if (!a.output.empty()) write(&run);
+  if (!a.csv.empty()) write_text_atomically(a.csv, recording::series_csv(run));
+  for (const std::string& e : result.events) note(common, e);
+
+  analysis::SteadyOptions options;
+  options.period = scenario::averaging_period(method, s, at);
+  const auto states = analysis::steady_states(run, options);
+  Json channels = Json::object();
+  std::vector<std::vector<std::string>> rows = {{"channel", "unit", "mean", "+-", "deviation", ""}};
+  for (const recording::Channel& c : run.channels) {
+    const auto found = states.find(c.name);
+    if (found == states.end() || c.name == "position" || c.name == "wheel_angle") continue;
+    const analysis::SteadyState& state = found->second;
+    channels[c.name] = {{"unit", c.unit}, {"mean", number(state.mean)}, {"std", number(state.std)}, {"sem", number(state.sem)},
+                        {"steady", state.reached}};
+    rows.push_back({c.name, c.unit, fmt::format("{:.6g}", state.mean), fmt::format("{:.2g}", state.sem), fmt::format("{:.3g}", state.std),
+                    state.reached ? "" : "not settled: " + state.reason});
+  }
+  if (common.json)
+    print_json({{"scenario", s.file},
+                {"method", method},
+                {"slip_convention", s.rig.slip_convention},
+                {"slip", number(at.slip_given)},
+                {"normal_load", at.normal_load},
+                {"angular_velocity", at.angular_velocity},
+                {"simulated_seconds", result.simulated_seconds},
+                {"samples", run.time.size()},
+                {"channels", channels},
+                {"events", result.events}});
+  else
+    std::fputs(aligned(rows).c_str(), stdout);
+}
+
+}  // namespace
+
+void add_run(CLI::App& app, Common& common) {
+  CLI::App* command = app.add_subcommand("run", "simulate a scenario: one run of the single-wheel rig, as a time series");
+  const auto a = std::make_shared<Arguments>();
+  command->add_option("SCENARIO", a->scenario, "scenario file, or a recording")->required()->type_name("");
+  command->add_option("--method", a->method, "node-spring, dem, mpi (default: the scenario's first that simulates in time)")
+      ->check(CLI::IsMember(scenario::method_names()))
+      ->type_name("NAME");
+  command->add_option("--slip", a->slip, "slip in place of rig.slip, by the convention of the scenario")->type_name("SLIP");
+  command->add_option("-o,--output", a->output, "result file (HDF5)")->type_name("OUT.h5");
+  command->add_option("--csv", a->csv, "write the time series to this file")->type_name("FILE.csv");
+  add_common(*command, common, false);
+  common.words["run --method"] = {"node-spring", "dem", "mpi"};
+  command->callback([a, &common] { run_rig(*a, common); });
+}
+
+}  // namespace terrode::cli
