@@ -4,12 +4,14 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <optional>
 
 #include "analysis/steady_state.h"
 #include "cli/input.h"
 #include "cli/terminal.h"
 #include "recording/result_file.h"
 #include "scenario/methods.h"
+#include "vehicle/frame_recorder.h"
 
 namespace terrode::cli {
 namespace {
@@ -17,10 +19,33 @@ namespace {
 struct Arguments {
   std::string scenario, output, csv, method;
   std::string slip;
+  int frames = 0;
+};
+
+// The samples of a run seen from outside, so that an interrupted run leaves what it had. Values of the last step of
+// each sample, not their means.
+class Partial {
+ public:
+  void observe(const vehicle::RigSample& s) {
+    run_.time.push_back(s.time);
+    const double values[] = {s.drawbar_pull, s.driving_torque, s.sinkage, s.normal_load, s.angular_velocity, s.forward_velocity, s.slip};
+    for (std::size_t i = 0; i < run_.channels.size(); ++i) run_.channels[i].values.push_back(values[i]);
+  }
+  const recording::Run& run() const { return run_; }
+
+ private:
+  static recording::Channel channel(const char* name) { return {name, recording::column_unit(name), {}}; }
+  recording::Run run_ = [] {
+    recording::Run r;
+    for (const char* name : {"drawbar_pull", "driving_torque", "sinkage", "normal_load", "angular_velocity", "forward_velocity", "slip"})
+      r.channels.push_back(channel(name));
+    return r;
+  }();
 };
 
 void run_rig(const Arguments& a, Common& common) {
   scenario::Scenario s = load_input(a.scenario, common);
+  if (a.frames > 0 && a.output.empty()) throw InputError({{}, 0, 0, "--frames", "needs a file to be kept in", "-o OUT.h5"});
   std::string method = a.method;
   for (const std::string& m : s.methods)
     if (method.empty() && m != "steady") method = m;
@@ -37,6 +62,14 @@ void run_rig(const Arguments& a, Common& common) {
   settings.threads = common.threads;
   const scenario::OperatingPoint at = s.operating_points({s.rig.slip}).front();
   recording::Condition condition = scenario::condition_of(at, s.wheel.radius);
+  Partial partial;
+  std::optional<vehicle::FrameRecorder> recorder;
+  settings.observe = [&](vehicle::Rig& rig) {
+    partial.observe(rig.last());
+    if (a.frames <= 0) return;
+    if (!recorder) recorder.emplace(vehicle::frame_settings(rig, static_cast<std::size_t>(a.frames)));
+    recorder->observe(rig.last().time, rig.simulation());
+  };
   const vehicle::SweepMethod ready = scenario::make_method(method, s, settings);
 
   // A place that cannot be written is known before the work, not after it.
@@ -52,6 +85,7 @@ void run_rig(const Arguments& a, Common& common) {
       header.seed = static_cast<std::int64_t>(settings.seed);
       recording::write_header(file, header);
       if (!run) return;
+      if (recorder && recorder->count() > 0) recorder->write(file);
       recording::write_series(file, "/run", *run);
       file.set_attribute("/run", "method", method);
       file.set_attribute("/run", "slip_wong_reece", at.slip);
@@ -70,7 +104,9 @@ void run_rig(const Arguments& a, Common& common) {
     try {
       result = ready.run(condition, progress);
     } catch (const Interrupted&) {
-      throw Interrupted("The run had not ended; nothing was written.");
+      if (a.output.empty() || partial.run().time.size() < 2) throw Interrupted("The run had not ended; nothing was written.");
+      write(&partial.run());
+      throw Interrupted(fmt::format("Its first {:.3g} s are in {}.", partial.run().time.back(), a.output));
     }
   }
   recording::Run& run = result.run;
@@ -119,6 +155,9 @@ void add_run(CLI::App& app, Common& common) {
       ->type_name("NAME");
   command->add_option("--slip", a->slip, "slip in place of rig.slip, by the convention of the scenario")->type_name("SLIP");
   command->add_option("-o,--output", a->output, "result file (HDF5)")->type_name("OUT.h5");
+  command->add_option("--frames", a->frames, "keep about N pictures of the run in the result file, for view and export --to vtk")
+      ->check(CLI::Range(1, 100000))
+      ->type_name("N");
   command->add_option("--csv", a->csv, "write the time series to this file")->type_name("FILE.csv");
   add_common(*command, common, false);
   common.words["run --method"] = {"node-spring", "dem", "mpi"};
