@@ -17,6 +17,7 @@
 #define TERRODE_COMMANDS(X) \
   X(run)                    \
   X(sweep)                  \
+  X(converge)               \
   X(export)                 \
   X(view)                   \
   X(validate)               \

@@ -28,6 +28,7 @@ struct NodeSpringTerrain::BodyState {
     Vec3 heading = Vec3::UnitX(), axle = Vec3::UnitY();
     bool touching = false;
     double exit = 0.0;    // moving part of theta_r [rad]
+    double slip = 0.0, slip_now = 0.0;  // that the soil feels; of the motion at that instant
     double load = 0.0;    // [N]
     double stored = 0.0;  // [J]
     double travel = 0.0;  // [m]
@@ -47,6 +48,7 @@ struct NodeSpringTerrain::BodyState {
   std::vector<double> entry_angle, kept_entry;  // of the last trial; of the last commit, the next ones' first guess
   std::vector<bekker::ContactArc> arcs;
   std::vector<double> exit_sine;
+  std::vector<double> rear_reach;  // place of the exit in steady rolling [m], 0 or behind
   RimShear shear, shear_trial;
 
   std::vector<Touch> touches;      // of the last trial

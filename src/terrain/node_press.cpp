@@ -75,10 +75,13 @@ ContactResult NodeSpringTerrain::press(BodyState& s, const Pose& pose, const Twi
       }
       mean /= share;
       if (mean <= node.entry) continue;
-      double hold = 1.0;
-      if (!elastic && in_contact && node.reached > mean) {
-        const double back = springback(soil_at(px, py, node.reached), node.reached);
-        hold = std::max(0.0, 1.0 - (node.reached - mean) / std::max(back, 1e-12));
+      // Below the deepest point it was ever pressed to, the node answers along its unloading line.
+      double hold = 1.0, gap = 0.0;
+      const double deepest = std::max(node.plastic, in_contact ? node.reached : 0.0);
+      if (!elastic && deepest > mean) {
+        const double back = springback(soil_at(px, py, deepest), deepest);
+        gap = deepest - mean;
+        hold = std::max(0.0, 1.0 - gap / std::max(back, 1e-12));
       }
       // Displacement of the body's surface along the ground since the node came into contact.
       Vec3 middle = Vec3::Zero();
@@ -87,8 +90,10 @@ ContactResult NodeSpringTerrain::press(BodyState& s, const Pose& pose, const Twi
       const Vec3 n_mid = pose.R_WB * lines[0].hit.n_B;
       const Vec3 along = slid - slid.dot(n_mid) * n_mid;
       BodyState::Touch touch{{ix, iy}, mean, 0.0, 0.0};
-      touch.shear_x = (in_contact ? node.shear_x : 0.0) + along.x();
-      touch.shear_y = (in_contact ? node.shear_y : 0.0) + along.y();
+      const ShearPath before = in_contact ? ShearPath{node.shear_x, node.shear_y} : ShearPath{};
+      const ShearPath carried = carried_on(before, {along.x(), along.y()}, soil_.shear_modulus);
+      touch.shear_x = carried.along;
+      touch.shear_y = carried.across;
       s.touches.push_back(touch);
 
       PatchNode shown;
@@ -101,9 +106,7 @@ ContactResult NodeSpringTerrain::press(BodyState& s, const Pose& pose, const Twi
         const double ground = grid_.level() ? pz : grid_.base(line.x, line.y);
         const double z = ground - (pose.p_W.z() + arm.z()) + node.raised - node.entry;
         if (z <= 0) continue;
-        const double sinkage = z + node.entry;
-        double held = hold;
-        if (!elastic && sinkage < node.plastic) held *= z / (node.plastic - node.entry);
+        const double sinkage = z + node.entry + gap, held = hold;
         Vec3 j(touch.shear_x, touch.shear_y, 0.0);
         j -= j.dot(n) * n;
         const double length = j.norm();
@@ -144,7 +147,7 @@ ContactResult NodeSpringTerrain::press(BodyState& s, const Pose& pose, const Twi
         shear_force += drag;
         shear_moment += arm.cross(drag);
         r.contact_area += area;
-        r.max_sinkage = std::max(r.max_sinkage, sinkage - node.raised);
+        r.max_sinkage = std::max(r.max_sinkage, z + node.entry - node.raised);
         const double back = std::max(springback(soil, sinkage), 1e-12);
         if (!elastic) r.stored_energy += 0.5 * area * stress.sigma * held * back;
         unload += area * -n.z() * stress.sigma / back;
@@ -156,7 +159,7 @@ ContactResult NodeSpringTerrain::press(BodyState& s, const Pose& pose, const Twi
           shown.n_W += area * n;
           shown.pressure += area * stress.sigma;
           shown.shear_W += drag;
-          shown.sinkage = std::max(shown.sinkage, sinkage);
+          shown.sinkage = std::max(shown.sinkage, z + node.entry);
           shown.shear_displacement = length;
         }
       }

@@ -15,8 +15,8 @@ using bekker::StressModifier;
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-// Shear displacement kept on reversal, in units of K: 1 - exp(-4) of the residual stress, from where it unloads.
-constexpr double kReversalCap = 4.0;
+// Stands for the slip of a locked wheel, minus infinity, while it builds up.
+constexpr double kLockedSlip = -20.0;
 // Turns per step below this are rounding [rad].
 constexpr double kStill = 1e-14;
 
@@ -80,7 +80,7 @@ struct NodeSpringTerrain::Roll {
   void lay_arcs();
   void move_shear();
   void cell(Cell& out, const Node& node, std::size_t k, double px, double py, double xr, double yr, double H, double climb,
-            double from, double to, double hold, const ShearPath* of_node) const;
+            double from, double to, double hold, double gap, const ShearPath* of_node) const;
   void sum(Sums& sums) const;
   ContactResult result(const Sums& sums) const;
 };
@@ -144,7 +144,25 @@ void NodeSpringTerrain::Roll::describe() {
   const double v = context.forward_velocity;
   if (rim_speed > 0) context.slip = std::min(1.0, 1.0 - v / rim_speed);
   else if (v > 0 || rim_speed < 0) context.slip = -std::numeric_limits<double>::infinity();
-  else context.slip = 0.0;
+  else context.slip = kept.slip_now;
+  const double below = ground.grid_.base(pose.p_W.x(), pose.p_W.y());
+  context.sinkage = std::max(0.0, rolling.radius - (pose.p_W.z() - below) * u.z());
+  if (params.shear_history != ShearHistory::closed_form) {
+    // What the soil feels of slip builds up as the rim passes through half its contact: a wheel that starts from rest has
+    // no slip to speak of, whatever its first velocities say.
+    const double now = std::max(context.slip, kLockedSlip);
+    trial.slip = trial.slip_now = now;
+    if (kept.placed && kept.touching) {
+      const double length = 0.5 * std::sqrt(2.0 * rolling.radius * context.sinkage) + params.springback;
+      const double path = 0.5 * (std::abs(rolling.radius * motion.spin) + std::abs(motion.go));
+      // Exact for a slip that changes evenly over the step.
+      const double p = path / length, left = std::exp(-p), mean = p > 1e-6 ? (1 - left) / p : 1 - 0.5 * p;
+      trial.slip = kept.slip * left + kept.slip_now * (mean - left) + now * (1 - mean);
+    } else if (v == 0 && rim_speed == 0) {
+      trial.slip = trial.slip_now = 0.0;
+    }
+    if (!(std::isinf(context.slip) && trial.slip < 0.99 * kLockedSlip)) context.slip = trial.slip;
+  }
   tan_slip_angle = v != 0 ? twist.v_W.dot(e_y) / std::abs(v) : 0.0;
   context.normal_load = kept.load;
   context.position = trial.travel;
@@ -153,8 +171,6 @@ void NodeSpringTerrain::Roll::describe() {
   context.width = rolling.width;
   context.unit_weight = params.soil.unit_weight();
   context.wheel_angle = trial.turned;
-  const double below = ground.grid_.base(pose.p_W.x(), pose.p_W.y());
-  context.sinkage = std::max(0.0, rolling.radius - (pose.p_W.z() - below) * u.z());
   shape = {rolling.radius, context.slip, kept.load, 0.0};
   if (ground.hooks_ & StressModifier::kContact)
     for (const StressModifier* m : ground.law_.modifiers)
@@ -196,20 +212,26 @@ double NodeSpringTerrain::Roll::entry_of(double y, double R, double guess) const
 void NodeSpringTerrain::Roll::find_entries() {
   entry_max = 0.0;
   for (std::size_t k = 0; k < s.offsets.size(); ++k) {
-    const double y = s.offsets[k], theta = entry_of(facing * y, radius_of(y), s.kept_entry[k]);
+    const double y = s.offsets[k];
+    double theta = entry_of(facing * y, radius_of(y), s.kept_entry[k]);
+    // Strips that differ by rounding alone are alike.
+    constexpr double rounding = 1e-14;
+    if (k > 0 && std::abs(theta - s.entry_angle[0]) <= rounding) theta = s.entry_angle[0];
     s.entry_angle[k] = theta;
     entry_max = std::max(entry_max, theta);
   }
 }
 
-// Moving part of the exit angle: where the rim's surface neither presses nor parts, approached over the springback.
+// Moving part of the exit angle: towards where the rim's surface neither presses nor parts, tan(theta) = rise / travel of
+// the axle over the step, as the springback's worth of relative motion is made. Taken backwards in time: of first order
+// where that angle changes, and stable at long steps, where a centred form lags and rings.
 void NodeSpringTerrain::Roll::find_exit() {
   if (elastic) {
     trial.exit = 0.0;
     return;
   }
   double target = kept.exit;
-  if (!kept.placed) target = -entry_max;
+  if (!kept.placed) target = -entry_max;  // set down
   else if (motion.go != 0 || motion.up != 0) target = std::atan2(motion.up, std::abs(motion.go));
   target = std::clamp(target, -entry_max, entry_max);
   trial.exit = target;
@@ -222,10 +244,19 @@ void NodeSpringTerrain::Roll::find_exit() {
 void NodeSpringTerrain::Roll::lay_arcs() {
   s.arcs.clear();
   s.exit_sine.clear();
+  s.rear_reach.clear();
   for (std::size_t k = 0; k < s.offsets.size(); ++k) {
     const double theta_f = s.entry_angle[k];
     bekker::ContactShape own = shape;
     own.radius = radius_of(s.offsets[k]);
+    if (k > 0 && theta_f == s.entry_angle[k - 1] && own.radius == s.arcs.back().radius) {
+      const ContactArc same = s.arcs.back();
+      const double sine = s.exit_sine.back(), reach = s.rear_reach.back();
+      s.arcs.push_back(same);
+      s.exit_sine.push_back(sine);
+      s.rear_reach.push_back(reach);
+      continue;
+    }
     own.rear_fraction = 0.0;
     bekker::ContactAngles angles = params.angles;
     const double drop = 1.0 - std::cos(theta_f);  // sinkage over radius
@@ -234,6 +265,7 @@ void NodeSpringTerrain::Roll::lay_arcs() {
       const double rebound = ground.springback(ground.soil_, own.radius * drop);
       angles.theta_r = std::min(angles.theta_r, -std::acos(std::max(-1.0, 1.0 - rebound / own.radius)));
     }
+    s.rear_reach.push_back(own.radius * std::sin(std::max(angles.theta_r, -theta_f)));
     angles.theta_r = std::clamp(angles.theta_r + trial.exit, -theta_f, 0.999 * theta_f);
     const bool closed = params.shear_history == ShearHistory::closed_form;
     s.arcs.emplace_back(own, angles, closed ? params.skid_shear : bekker::SkidShear::as_printed,
@@ -246,12 +278,12 @@ void NodeSpringTerrain::Roll::lay_arcs() {
 
 void NodeSpringTerrain::Roll::move_shear() {
   if (params.shear_history != ShearHistory::rim) return;
-  RimShear::advance(s.shear, s.shear_trial, s.arcs, s.offsets, uniform, motion, facing, trial.spin,
-                    kReversalCap * ground.soil_.shear_modulus);
+  RimShear::advance(s.shear, s.shear_trial, s.arcs, s.kept_entry, s.offsets, uniform, motion, facing, trial.spin,
+                    ground.soil_.shear_modulus);
 }
 
 void NodeSpringTerrain::Roll::cell(Cell& out, const Node& node, std::size_t k, double px, double py, double xr, double yr,
-                                   double H, double climb, double from, double to, double hold,
+                                   double H, double climb, double from, double to, double hold, double gap,
                                    const ShearPath* of_node) const {
   constexpr double gauss[2] = {0.5 - 0.28867513459481288225, 0.5 + 0.28867513459481288225};
   const ContactArc& arc = s.arcs[k];
@@ -307,8 +339,13 @@ void NodeSpringTerrain::Roll::cell(Cell& out, const Node& node, std::size_t k, d
       const double z = front ? depth : depth + R * (cos_e - cos_t);
       if (z <= 0) continue;
       const double sinkage = z + node.entry;
-      double share = hold;
-      if (!elastic && sinkage < node.plastic) share *= z / (node.plastic - node.entry);
+      // The depth whose pressure counts, and what is left of it: on the way down through ground that was pressed before,
+      // and where the node has let go by `gap` since.
+      double share = hold, deepest = sinkage + gap;
+      if (!elastic && sinkage < node.plastic) {
+        share *= z / (node.plastic - node.entry);
+        deepest = node.plastic;
+      }
 
       ShearPath j;
       double length_j;
@@ -332,15 +369,15 @@ void NodeSpringTerrain::Roll::cell(Cell& out, const Node& node, std::size_t k, d
       }
 
       bekker::LocalSoil soil = ground.soil_;
-      if (ground.field_) ground.field_->at(px, py, sinkage, soil);
+      if (ground.field_) ground.field_->at(px, py, deepest, soil);
       bekker::Stress stress;
       if (!ground.with_laws_) {
-        stress.sigma = bekker::power_law_pressure(soil, sinkage);
+        stress.sigma = bekker::power_law_pressure(soil, deepest);
         stress.tau = (soil.cohesion + share * stress.sigma * soil.tan_phi) * bekker::janosi_mobilised(soil, length_j);
         stress.sigma *= share;
       } else {
         bekker::Point point;
-        point.sinkage = sinkage;
+        point.sinkage = deepest;
         point.depth = depth + node.entry;
         point.theta = theta;
         point.sin_theta = sin_t;
@@ -468,10 +505,16 @@ void NodeSpringTerrain::Roll::sum(Sums& sums) const {
       // Sinkage of the node's centre under the rim: what it will remember, and by how much it has let go.
       const double xc = std::clamp(xr, -R, R);
       const double centre = std::max(std::sqrt(R * R - xc * xc) - H + node.raised, node.entry);
-      double hold = 1.0;
-      if (!elastic && in_contact && xr >= rear_end && node.reached > centre) {
-        const double back = ground.springback(ground.soil_at(px, py, node.reached), node.reached);
-        hold = std::max(0.0, 1.0 - (node.reached - centre) / std::max(back, 1e-12));
+      double hold = 1.0, gap = 0.0;
+      if (!elastic && in_contact && xr >= rear_end) {
+        // Where contact reaches behind the lowest point by its law, the rim's rise there is part of that law.
+        const double risen = xr < 0 && xr > s.rear_reach[k] ? R - std::sqrt(R * R - xc * xc) : 0.0;
+        const double reached = node.reached - risen;
+        if (reached > std::max(centre, node.plastic)) {
+          const double back = ground.springback(ground.soil_at(px, py, reached), reached);
+          gap = reached - std::max(centre, node.plastic);
+          hold = std::max(0.0, 1.0 - (reached - centre) / std::max(back, 1e-12));
+        }
       }
       s.touches.push_back({{ix, iy}, centre, 0.0, 0.0});
       ShearPath of_node;
@@ -480,8 +523,11 @@ void NodeSpringTerrain::Roll::sum(Sums& sums) const {
         const double sn = xc / R, c = std::sqrt(1.0 - sn * sn);
         const double along = motion.radius * motion.spin - (motion.go * c + motion.up * sn) + yr * motion.yaw * c;
         BodyState::Touch& touch = s.touches.back();
-        touch.shear_x = (in_contact ? node.shear_x : 0.0) + facing * along;
-        touch.shear_y = (in_contact ? node.shear_y : 0.0) + facing * (motion.sway + xc * motion.yaw);
+        const ShearPath before = in_contact ? ShearPath{node.shear_x, node.shear_y} : ShearPath{};
+        const ShearPath carried = carried_on(before, {facing * along, facing * (motion.sway + xc * motion.yaw)},
+                                             ground.soil_.shear_modulus);
+        touch.shear_x = carried.along;
+        touch.shear_y = carried.across;
         of_node = {facing * touch.shear_x, facing * touch.shear_y};
       }
 
@@ -494,7 +540,7 @@ void NodeSpringTerrain::Roll::sum(Sums& sums) const {
         }
         Cell& fresh = may_repeat && untouched ? repeated : own;
         fresh = Cell{};
-        cell(fresh, node, k, px, py, xr, yr, H, climb, from, to, hold, of_ground ? &of_node : nullptr);
+        cell(fresh, node, k, px, py, xr, yr, H, climb, from, to, hold, gap, of_ground ? &of_node : nullptr);
         if (&fresh == &repeated) {
           last_from = from;
           last_to = to;

@@ -57,6 +57,7 @@ BodyId NodeSpringTerrain::add_body(std::shared_ptr<const wheel::Body> shape) {
     s->kept_entry = s->entry_angle;
     s->arcs.reserve(s->offsets.size());
     s->exit_sine.reserve(s->offsets.size());
+    s->rear_reach.reserve(s->offsets.size());
     s->shear = s->shear_trial = RimShear(strips);
   }
   s->touches.reserve(static_cast<std::size_t>(across * across));
@@ -351,7 +352,7 @@ std::vector<std::uint8_t> NodeSpringTerrain::snapshot() const {
     out.put(static_cast<std::uint8_t>(h.touching));
     out.put(h.pose.p_W);
     for (int i = 0; i < 4; ++i) out.put(h.pose.R_WB.coeffs()[i]);
-    for (const double v : {h.time, h.direction, h.backing, h.spin, h.exit, h.load, h.stored, h.travel, h.turned}) out.put(v);
+    for (const double v : {h.time, h.direction, h.backing, h.spin, h.exit, h.slip, h.slip_now, h.load, h.stored, h.travel, h.turned}) out.put(v);
     out.put(h.heading);
     out.put(h.axle);
     s->shear.write(out);
@@ -387,7 +388,7 @@ void NodeSpringTerrain::restore(std::span<const std::uint8_t> bytes) {
     h.touching = in.get<std::uint8_t>() != 0;
     h.pose.p_W = in.vec();
     for (int i = 0; i < 4; ++i) h.pose.R_WB.coeffs()[i] = in.get<double>();
-    for (double* v : {&h.time, &h.direction, &h.backing, &h.spin, &h.exit, &h.load, &h.stored, &h.travel, &h.turned})
+    for (double* v : {&h.time, &h.direction, &h.backing, &h.spin, &h.exit, &h.slip, &h.slip_now, &h.load, &h.stored, &h.travel, &h.turned})
       *v = in.get<double>();
     h.heading = in.vec();
     h.axle = in.vec();

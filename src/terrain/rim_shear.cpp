@@ -12,8 +12,8 @@ void RimShear::clear() {
 }
 
 void RimShear::advance(const RimShear& kept, RimShear& trial, std::span<const bekker::ContactArc> arcs,
-                       std::span<const double> offsets, bool uniform, const RimMotion& motion, double facing, double angle,
-                       double cap) {
+                       std::span<const double> entry_before, std::span<const double> offsets, bool uniform, const RimMotion& motion, double facing, double angle,
+                       double memory) {
   static const Mark none{};
   trial.facing_ = facing;
   trial.angle_ = angle;
@@ -48,21 +48,15 @@ void RimShear::advance(const RimShear& kept, RimShear& trial, std::span<const be
       const double a = facing * (along0 + y * (motion.yaw * c - motion.roll * s)), b = facing * across;
       if (!old.active) {
         double share = motion.known ? 1.0 : 0.0;  // of the motion that was made in contact
-        if (before > arc.theta_f && motion.spin > 0) share = (arc.theta_f - theta) / motion.spin;
+        const double outside = before - entry_before[k], inside = arc.theta_f - theta;
+        if (outside > 0 && theta > 0) share = inside / (outside + inside);
         else if (before < rear && motion.spin < 0) share = (rear - theta) / motion.spin;
         now.along = share * a;
         now.across = share * b;
       } else {
-        now = old;
-        if (now.along * a + now.across * b < 0) {
-          const double length = std::sqrt(now.along * now.along + now.across * now.across);
-          if (length > cap) {
-            now.along *= cap / length;
-            now.across *= cap / length;
-          }
-        }
-        now.along += a;
-        now.across += b;
+        const ShearPath carried = carried_on({old.along, old.across}, {a, b}, memory);
+        now.along = carried.along;
+        now.across = carried.across;
       }
       now.active = true;
     }

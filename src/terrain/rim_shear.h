@@ -4,6 +4,7 @@
 // and across, at slip angle beta, r (1 - s)(theta_f - theta) tan(beta).
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <numbers>
@@ -19,6 +20,23 @@ namespace terrode::terrain {
 struct ShearPath {
   double along = 0.0, across = 0.0;
 };
+
+// Shear displacement j carried on by a step d. Onwards it adds up. Backwards (j . d < 0) the stress lets go at once and
+// turns, as soil does: with e = 1 - exp(-|j|/K) along j and the memory length K [m],
+//   de = (d/|d| - e) |d|/K,    j = -K ln(1 - |e|) along e,
+// which along a straight path onwards is the sum, and on a path there and back takes work.
+inline ShearPath carried_on(const ShearPath& j, const ShearPath& d, double memory) {
+  if (j.along * d.along + j.across * d.across >= 0) return {j.along + d.along, j.across + d.across};
+  const double length = std::sqrt(j.along * j.along + j.across * j.across);
+  const double step = std::sqrt(d.along * d.along + d.across * d.across);
+  const double share = (1.0 - std::exp(-length / memory)) / length, left = std::exp(-step / memory);
+  const double along = d.along / step + (share * j.along - d.along / step) * left;
+  const double across = d.across / step + (share * j.across - d.across / step) * left;
+  const double e = std::sqrt(along * along + across * across);
+  if (e <= 0) return {};
+  const double longer = -memory * std::log1p(-std::min(e, 1.0 - 1e-15)) / e;
+  return {longer * along, longer * across};
+}
 
 // How the rim moved between two poses, in the frame (travel, axle, up) of the later one.
 struct RimMotion {
@@ -39,11 +57,12 @@ class RimShear {
   explicit RimShear(int strips = 0);
 
   // Puts into `trial` the displacements of `kept` carried on by a motion. `facing` is +1 or -1: travel along or against
-  // the heading that marker angles refer to; `angle` the spin angle of the body in that heading. `cap` bounds a
-  // displacement that is being reversed: a shear stress long at its residual value unloads from `cap` on [m].
+  // the heading that marker angles refer to; `angle` the spin angle of the body in that heading. `memory` is the
+  // length of carried_on() [m].
+  // `entry_before` is the entry angle of each strip at the earlier pose.
   static void advance(const RimShear& kept, RimShear& trial, std::span<const bekker::ContactArc> arcs,
-                      std::span<const double> offsets, bool uniform, const RimMotion& motion, double facing, double angle,
-                      double cap);
+                      std::span<const double> entry_before, std::span<const double> offsets, bool uniform, const RimMotion& motion, double facing, double angle,
+                      double memory);
 
   // At angle theta of the contact within a strip.
   ShearPath at(double theta, std::size_t strip, const bekker::ContactArc& arc) const {

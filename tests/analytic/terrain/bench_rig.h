@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <vector>
 
 #include "terrain/terrain.h"
@@ -22,6 +23,8 @@ struct RigRun {
   double average = 2.0;                  // [s] at the end
   double start_x = 0.0, start_y = 0.0, yaw = 0.0;
   double start_sinkage = 0.0;            // [m]
+  std::optional<double> forward_velocity;  // [m/s] in place of what slip gives
+  double lateral_velocity = 0.0;           // [m/s] towards the axle's direction
   bool implicit = true;                  // takes the contact's stiffness and damping implicitly
 };
 
@@ -33,7 +36,7 @@ struct RigResult {
 };
 
 inline RigResult drive(terrain::Terrain& ground, terrain::BodyId id, double radius, const RigRun& run, double start_time = 0.0) {
-  const double v = (1.0 - run.slip) * run.angular_velocity * radius;
+  const double v = run.forward_velocity.value_or((1.0 - run.slip) * run.angular_velocity * radius), side = run.lateral_velocity;
   const Vec3 heading(std::cos(run.yaw), std::sin(run.yaw), 0.0), axle(-std::sin(run.yaw), std::cos(run.yaw), 0.0);
   const double ground0 = ground.undisturbed_height(run.start_x, run.start_y);
   double z = ground0 + radius - run.start_sinkage, vz = 0.0;
@@ -45,10 +48,10 @@ inline RigResult drive(terrain::Terrain& ground, terrain::BodyId id, double radi
   for (int i = 0; i < steps; ++i) {
     const double t = i * run.step;
     Pose pose;
-    pose.p_W = Vec3(run.start_x, run.start_y, z) + v * t * heading;
+    pose.p_W = Vec3(run.start_x, run.start_y, z) + v * t * heading + side * t * axle;
     pose.R_WB = Quat(Eigen::AngleAxisd(run.yaw, Vec3::UnitZ())) * Quat(Eigen::AngleAxisd(run.angular_velocity * t, Vec3::UnitY()));
     Twist twist;
-    twist.v_W = v * heading + vz * Vec3::UnitZ();
+    twist.v_W = v * heading + side * axle + vz * Vec3::UnitZ();
     twist.w_W = run.angular_velocity * axle;
     ground.begin_step(start_time + t, run.step);
     const terrain::ContactResult r = ground.wrench(id, pose, twist);
@@ -59,7 +62,7 @@ inline RigResult drive(terrain::Terrain& ground, terrain::BodyId id, double radi
     const double pull = r.wrench.F_W.dot(heading), torque = -r.wrench.M_W.dot(axle);
     // Work done on the wheel by drive, carriage and load, at the velocities that act over the step.
     const double vm = 0.5 * (vz + vz1);
-    out.work_in += h * (torque * run.angular_velocity - pull * v - run.load * vm);
+    out.work_in += h * (torque * run.angular_velocity - pull * v - r.wrench.F_W.dot(axle) * side - run.load * vm);
     out.plastic += h * r.plastic_power;
     out.slip += h * r.slip_power;
     out.damping += h * r.damping_power;

@@ -1,0 +1,212 @@
+// `terrode converge`: repeats one operating point while one numerical choice is refined, and says what is converged.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <memory>
+#include <optional>
+
+#include "cli/commands.h"
+#include "cli/sweep_result.h"
+#include "cli/terminal.h"
+#include "core/parallel.h"
+#include "scenario/methods.h"
+#include "scenario/scenario.h"
+#include "vehicle/slip_sweep.h"
+
+namespace terrode::cli {
+namespace {
+
+using scenario::Scenario;
+
+// What can be refined: how a scenario takes it, and where the study begins, as a multiple of the scenario's own value.
+struct Choice {
+  std::string name, unit;
+  double start, factor;  // coarsest over own; from level to level
+  std::function<double(const Scenario&)> get;
+  std::function<void(Scenario&, double)> set;
+};
+
+const std::vector<Choice>& choices() {
+  static const std::vector<Choice> list = {
+      {"time_step", "s", 2.0, 0.5, [](const Scenario& s) { return s.rig.time_step; },
+       [](Scenario& s, double v) { s.rig.time_step = v; }},
+      {"node_spacing", "m", 4.0, 0.5, [](const Scenario& s) { return s.terrain.node_spacing; },
+       [](Scenario& s, double v) { s.terrain.node_spacing = v; }},
+      // The ground has no edges; what stands for its size is the length that the wheel travels on it.
+      {"domain", "m", 0.5, 1.4142135623730951, [](const Scenario& s) { return s.rig.travel; },
+       [](Scenario& s, double v) { s.rig.travel = v; }},
+  };
+  return list;
+}
+
+struct Arguments {
+  std::string scenario, over, method = "node-spring";
+  std::optional<double> slip, from;
+  int levels = 5;
+  double tolerance = 0.01;
+};
+
+struct Quantity {
+  const char *name, *unit;
+  double SweepPoint::*value;
+};
+constexpr Quantity kQuantities[] = {{"drawbar_pull", "N", &SweepPoint::drawbar_pull},
+                                    {"driving_torque", "N m", &SweepPoint::driving_torque},
+                                    {"sinkage", "m", &SweepPoint::sinkage}};
+
+// The order p of f(h) = f0 + c h^p from three levels whose steps shrink by `factor`, and f0; nothing where the three do
+// not approach a limit in one way.
+struct Limit {
+  std::optional<double> order, value;
+};
+Limit limit_of(double a, double b, double c, double factor) {
+  const double first = b - a, second = c - b;
+  if (!(std::abs(second) > 0) || !(first / second > 1)) return {};
+  const double order = std::log(first / second) / -std::log(factor);
+  return {order, c + second / (first / second - 1)};
+}
+
+void converge(const Arguments& arguments, Common& common) {
+  Scenario base = scenario::load_scenario(arguments.scenario);
+  const Choice* choice = nullptr;
+  for (const Choice& c : choices())
+    if (c.name == arguments.over) choice = &c;
+  if (!choice)
+    throw InputError(Problem{{}, 0, 0, "--over", fmt::format("{} cannot be refined for method {}", arguments.over, arguments.method),
+                             "time_step, node_spacing or domain"});
+  const auto at = base.operating_points({arguments.slip.value_or(base.rig.slip)}).front();
+
+  std::vector<double> values;
+  double value = arguments.from.value_or(choice->start * choice->get(base));
+  for (int i = 0; i < arguments.levels; ++i, value *= choice->factor) values.push_back(value);
+  if (choice->factor > 1)
+    for (double& v : values) v = arguments.from.value_or(choice->start * choice->get(base)) *
+                                 std::pow(choice->factor, static_cast<double>(&v - values.data()));
+
+  std::vector<Scenario> scenarios(values.size(), base);
+  std::vector<vehicle::SweepMethod> methods;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    choice->set(scenarios[i], values[i]);
+    scenario::MethodSettings settings;
+    settings.seed = common.seed;
+    methods.push_back(scenario::make_method(arguments.method, scenarios[i], settings));
+    methods.back().name = fmt::format("{} {}", arguments.method, values[i]);
+  }
+  // Finest first: it takes longest.
+  std::vector<vehicle::SweepMethod> order(methods.rbegin(), methods.rend());
+  vehicle::SweepOptions options;
+  options.threads = common.threads;
+  const auto found = vehicle::sweep(order, {scenario::condition_of(at, base.wheel.radius)}, options, show_progress(common));
+  std::vector<SweepPoint> points;
+  for (std::size_t i = 0; i < values.size(); ++i)
+    points.push_back(summarise(found[values.size() - 1 - i], at, scenario::averaging_period(arguments.method, scenarios[i], at)));
+
+  const bool refines = choice->factor < 1;
+  const auto last = points.size() - 1;
+  Json document = {{"scenario", base.file}, {"over", choice->name}, {"unit", choice->unit}, {"method", arguments.method},
+                   {"slip", at.slip_given}, {"slip_convention", base.rig.slip_convention}, {"tolerance", arguments.tolerance}};
+  Json levels = Json::array();
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const SweepPoint& p = points[i];
+    Json level = {{choice->name, values[i]}};
+    if (p.failed()) level["error"] = p.error;
+    else
+      for (const Quantity& q : kQuantities) level[q.name] = number(p.*q.value);
+    level["cpu_seconds"] = number(p.cpu_seconds);
+    level["simulated_seconds"] = number(p.simulated_seconds);
+    if (!p.failed()) level["steady"] = p.steady;
+    levels.push_back(level);
+  }
+  document["levels"] = levels;
+
+  std::vector<std::vector<std::string>> rows = {{fmt::format("{} [{}]", choice->name, choice->unit)}};
+  for (const Quantity& q : kQuantities) rows[0].push_back(fmt::format("{} [{}]", q.name, q.unit));
+  rows[0].push_back("CPU s per simulated s");
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const SweepPoint& p = points[i];
+    std::vector<std::string> row = {fmt::format("{:.4g}", values[i])};
+    for (const Quantity& q : kQuantities) row.push_back(p.failed() ? "failed" : fmt::format("{:.5g}", p.*q.value));
+    row.push_back(p.simulated_seconds > 0 ? fmt::format("{:.3g}", p.cpu_seconds / p.simulated_seconds) : "-");
+    rows.push_back(row);
+  }
+
+  // A level is converged where it and all finer ones lie within the tolerance of the finest; pull and torque are
+  // measured by the load, since the pull passes through zero.
+  std::string verdict;
+  Json converged = Json::object(), order_json = Json::object(), limits = Json::object();
+  for (const Quantity& q : kQuantities) {
+    const double best = points[last].*q.value;
+    double scale = std::abs(best);
+    if (std::string(q.name) == "drawbar_pull") scale = at.normal_load;
+    if (std::string(q.name) == "driving_torque") scale = at.normal_load * base.wheel.radius;
+    std::optional<double> from;
+    for (std::size_t i = points.size(); i-- > 0;) {
+      if (points[i].failed() || !(std::abs(points[i].*q.value - best) <= arguments.tolerance * scale)) break;
+      from = values[i];
+    }
+    const bool alone = from && *from == values[last];
+    converged[q.name] = from && !alone ? Json(*from) : Json(nullptr);
+    verdict += from && !alone
+                   ? fmt::format("{}: within {:.2g} % of the finest from {} = {:.4g} {} on", q.name, 100 * arguments.tolerance,
+                                 choice->name, *from, choice->unit)
+                   : fmt::format("{}: not converged within {:.2g} %", q.name, 100 * arguments.tolerance);
+    if (refines && points.size() >= 3) {
+      const Limit l = limit_of(points[last - 2].*q.value, points[last - 1].*q.value, best, choice->factor);
+      order_json[q.name] = l.order ? Json(*l.order) : Json(nullptr);
+      limits[q.name] = l.value ? Json(*l.value) : Json(nullptr);
+      if (l.order) verdict += fmt::format("; order {:.1f}, limit {:.5g} {}", *l.order, *l.value, q.unit);
+      else verdict += "; no order: the differences do not shrink steadily";
+    }
+    verdict += "\n";
+  }
+  document["converged_from"] = converged;
+  if (refines) {
+    document["order"] = order_json;
+    document["limit"] = limits;
+  }
+  if (common.json) {
+    print_json(document);
+  } else {
+    std::fputs(aligned(rows).c_str(), stdout);
+    std::fputs(verdict.c_str(), stdout);
+  }
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (points[i].failed()) {
+      std::fprintf(stderr, "terrode: %s = %g failed: %s\n", choice->name.c_str(), values[i], points[i].error.c_str());
+      common.status = 1;
+    }
+}
+
+}  // namespace
+
+void add_converge(CLI::App& app, Common& common) {
+  CLI::App* command =
+      app.add_subcommand("converge", "repeat a run while refining one numerical choice; value and cost at each, order of convergence");
+  const auto a = std::make_shared<Arguments>();
+  const std::vector<std::string> over = {"time_step", "node_spacing", "domain", "particles", "coupling"};
+  command->add_option("SCENARIO", a->scenario, "scenario file, or a recording")->required()->type_name("");
+  command->add_option("--over", a->over, "what to refine: time_step, node_spacing, domain, particles, coupling")
+      ->required()
+      ->check(CLI::IsMember(over))
+      ->type_name("CHOICE");
+  command->add_option("--method", a->method, "the method to study (default: node-spring)")
+      ->check(CLI::IsMember(scenario::method_names()))
+      ->type_name("NAME");
+  command->add_option("--slip", a->slip, "slip, by the convention of the scenario (default: the rig's)")->type_name("S");
+  command->add_option("--from", a->from, "coarsest value, SI (default: from the scenario's own)")
+      ->check(CLI::PositiveNumber)
+      ->type_name("X");
+  command->add_option("--levels", a->levels, "how many values (default: 5)")->check(CLI::Range(3, 12))->type_name("N");
+  command->add_option("--tolerance", a->tolerance, "what counts as converged, relative (default: 0.01)")
+      ->check(CLI::Range(1e-9, 1.0))
+      ->type_name("X");
+  add_common(*command, common, false);
+  common.words["converge --over"] = over;
+  common.words["converge --method"] = scenario::method_names();
+  command->callback([a, &common] { converge(*a, common); });
+}
+
+}  // namespace terrode::cli

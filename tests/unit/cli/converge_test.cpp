@@ -1,0 +1,50 @@
+// `terrode converge` as a user runs it.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace {
+
+struct Output {
+  int status = -1;
+  std::string text;
+};
+
+Output run(const std::string& arguments) {
+  const std::string command = std::string(TERRODE_PROGRAM) + " converge " + arguments + " 2>&1";
+  Output out;
+  FILE* pipe = popen(command.c_str(), "r");
+  if (!pipe) return out;
+  std::array<char, 4096> buffer;
+  for (std::size_t n; (n = fread(buffer.data(), 1, buffer.size(), pipe)) > 0;) out.text.append(buffer.data(), n);
+  const int raw = pclose(pipe);
+  out.status = raw >= 0 ? (raw >> 8) & 0xff : -1;
+  return out;
+}
+
+const std::string kScenario = std::string(TERRODE_SOURCE_DIR) + "/scenarios/mms_table1.yaml";
+
+TEST(Converge, RefinesTheNodesAndSaysWhereItConverged) {
+  const Output out = run(kScenario + " --over node_spacing --slip 0.3 --from 0.02 --levels 3 --tolerance 0.02 --json --quiet");
+  ASSERT_EQ(out.status, 0) << out.text;
+  const auto json = nlohmann::json::parse(out.text);
+  EXPECT_EQ(json["over"], "node_spacing");
+  ASSERT_EQ(json["levels"].size(), 3u);
+  EXPECT_NEAR(json["levels"][2]["node_spacing"].get<double>(), 0.005, 1e-12);
+  EXPECT_GT(json["levels"][2]["cpu_seconds"].get<double>(), 0.0);
+  const double pull = json["levels"][2]["drawbar_pull"];
+  EXPECT_GT(pull, 50.0);
+  EXPECT_LT(pull, 60.0);
+  EXPECT_FALSE(json["converged_from"]["sinkage"].is_null());
+}
+
+TEST(Converge, RefusesWhatItCannotRefine) {
+  EXPECT_EQ(run(kScenario + " --over colour").status, 2);
+  EXPECT_EQ(run(kScenario).status, 2);
+  EXPECT_EQ(run(kScenario + " --over particles --method node-spring").status, 2);
+}
+
+}  // namespace
