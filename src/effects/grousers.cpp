@@ -14,10 +14,11 @@ const Info& info() {
       "grousers (lugs)",
       "Lugs push the soil between them: each adds the passive force on its face, and the pull ripples as "
       "they enter one after another.",
-      "drive = (count h/(2 pi r)) [N_phi (gamma (depth + h/2) + 0.2 sigma) + 2 c sqrt(N_phi)] sign(s)(1 - "
-      "exp(-|s|/0.1)) (1 + 0.1 sin(count psi))",
-      "passive wedge of Bekker 1969 on each lug, spread over the rim; share of sigma and slip law "
-      "constructed here; ripple of lugs: Irani, Bauer & Warkentin 2011, J. Terramechanics 48:307",
+      "drive = (count h/(2 pi r)) [N_phi (gamma (depth + h)/2 + 0.06 sigma) + 2 c sqrt(N_phi) + 0.4 k (h/b)^n] "
+      "sign(s)(1 - exp(-|s|/0.1)) (1 + 0.1 sin(count psi))",
+      "passive wedge of Bekker 1969 on each lug, spread over the rim; the bearing of the lug's face (0.4 of a plate "
+      "pushed as deep as the lug is high), the share of sigma and the slip law constructed here; ripple of lugs: Irani, "
+      "Bauer & Warkentin 2011, J. Terramechanics 48:307",
       {{"height", "m", 0, 0, 0.2, 0.008, 0.01, Scale::linear, true, "of a lug above the rim"},
        {"count", "-", 24, 1, 500, 24, 1, Scale::choice, false, "lugs around the wheel"}},
       "wedge forces",
@@ -35,8 +36,8 @@ class Grousers final : public Effect {
   void traction(const bekker::Context& c, const bekker::Point& q, const bekker::LocalSoil& s,
                 bekker::Stress& out) const override {
     const double n_phi = std::pow(std::tan(0.25 * std::numbers::pi + 0.5 * std::atan(s.tan_phi)), 2);
-    const double face =
-        n_phi * (c.unit_weight * (q.depth + 0.5 * p(0)) + 0.2 * out.sigma) + 2.0 * s.cohesion * std::sqrt(n_phi);
+    const double face = n_phi * (0.5 * c.unit_weight * (q.depth + p(0)) + 0.06 * out.sigma) +
+                        2.0 * s.cohesion * std::sqrt(n_phi) + 0.4 * s.k * std::pow(p(0) / s.plate_width, s.n);
     const double a = std::isfinite(c.slip) ? 1.0 - std::exp(-std::abs(c.slip) / 0.1) : 1.0;
     const double ripple = c.phase_average ? 1.0 : 1.0 + 0.1 * std::sin(p(1) * c.wheel_angle);
     out.drive += p(1) * p(0) / (2.0 * std::numbers::pi * c.radius) * face * (c.slip < 0 ? -a : a) * ripple;
