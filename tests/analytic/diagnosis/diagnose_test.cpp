@@ -1,0 +1,208 @@
+// Campaigns made here, with scatter of soil, datum and sensors, and a concealed cause: what does the diagnosis say?
+#include "diagnosis/diagnose.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "core/random.h"
+
+namespace terrode::diagnosis {
+namespace {
+
+struct Truth {
+  bekker::Soil soil{96.24, 0.606, 4.534e-3, 6.1e4, 0.95, 0.05};
+  bekker::ContactAngles angles{0.15, 0.45, 0.0};
+  effects::EffectSet effects;
+  std::function<void(const Condition&, double* channels)> change = [](const Condition&, double*) {};
+  std::function<double(const Condition&, double t)> ripple = [](const Condition&, double) { return 0.0; };
+  unsigned long seed = 1;
+  int repeats = 2;
+  bool tests = true;
+};
+
+recording::Recording campaign(const Truth& truth) {
+  Random random(truth.seed);
+  recording::Recording out;
+  out.title = "made for a test";
+  out.wheel.radius = 0.13;
+  out.wheel.width = 0.16;
+  out.soil.cohesion = 96.24;
+  out.soil.friction_angle = 0.606;
+  out.soil.shear_modulus = 4.534e-3;
+  out.soil.k = 6.1e4;
+  out.soil.n = 0.95;
+  out.soil.plate_width = 0.05;
+  out.soil.a0 = 0.15;
+  out.soil.a1 = 0.45;
+  std::vector<Condition> conditions;
+  for (const double s : {-0.4, -0.1, 0.0, 0.1, 0.2, 0.4, 0.7}) conditions.push_back({s, 115, 0.3, 0, 1, 0});
+  for (const double w : {65.0, 165.0})
+    for (const double s : {0.1, 0.3, 0.6}) conditions.push_back({s, w, 0.3, 0, 1, 0});
+  for (const double v : {0.1, 1.2}) conditions.push_back({0.3, 115, v, 0, 1, 0});
+  bekker::PointLaw law;
+  law.modifiers = truth.effects.modifiers();
+  for (Condition& q : conditions) {
+    q.forward_velocity = q.angular_velocity * 0.13 * (1 - q.slip);
+    for (int repeat = 1; repeat <= truth.repeats; ++repeat) {
+      bekker::Soil soil = truth.soil;
+      soil.k *= std::exp(0.03 * random.normal());
+      soil.friction_angle += 0.005 * random.normal();
+      const bekker::SteadyWheel wheel({0.13, 0.16}, soil, truth.angles, law);
+      bekker::Operating op;
+      op.slip = q.slip;
+      op.normal_load = q.normal_load;
+      op.angular_velocity = q.angular_velocity;
+      const bekker::SteadyState s = wheel.solve(op);
+      double y[kChannels] = {s.drawbar_pull, s.driving_torque, s.sinkage + 3e-4 * random.normal()};
+      truth.change(q, y);
+      recording::Run run;
+      run.id = "run" + std::to_string(out.runs.size() + 1);
+      run.condition.slip = q.slip;
+      run.condition.normal_load = q.normal_load;
+      run.condition.angular_velocity = q.angular_velocity;
+      run.condition.repeat = repeat;
+      run.channels = {{"drawbar_pull", "N", {}}, {"driving_torque", "N m", {}}, {"sinkage", "m", {}}};
+      for (int i = 0; i < 200; ++i) {
+        const double t = 0.05 * i, x = q.angular_velocity * 0.13 * t, settled = 1 - std::exp(-x / 0.02);
+        run.time.push_back(t);
+        run.channels[0].values.push_back(y[0] * settled + truth.ripple(q, t) + 0.8 * random.normal());
+        run.channels[1].values.push_back(y[1] * settled + 0.13 * truth.ripple(q, t) + 0.1 * random.normal());
+        run.channels[2].values.push_back(y[2] * (1 - 0.15 * (1 - settled)) + 2e-4 * random.normal());
+      }
+      out.runs.push_back(std::move(run));
+    }
+  }
+  if (truth.tests) {
+    for (int i = 0; i < 3; ++i) {
+      recording::PressureSinkageTest t;
+      t.plate_width = 0.05;
+      t.plate_length = 0.15;
+      const double k = truth.soil.k * std::exp(0.03 * random.normal());
+      for (int j = 1; j <= 40; ++j) {
+        t.sinkage.push_back(5e-4 * j);
+        t.pressure.push_back(k * std::pow(5e-4 * j / 0.05, truth.soil.n) * (1 + 0.01 * random.normal()));
+      }
+      out.pressure_sinkage.push_back(std::move(t));
+    }
+    for (const double sigma : {2080.0, 5330.0, 17830.0}) {
+      recording::DirectShearTest t;
+      t.normal_stress = sigma;
+      const double phi = truth.soil.friction_angle + 0.005 * random.normal();
+      for (int j = 1; j <= 60; ++j) {
+        const double d = 6.6e-3 / 60 * j;
+        t.shear_displacement.push_back(d);
+        t.shear_stress.push_back((truth.soil.cohesion + sigma * std::tan(phi)) * (1 - std::exp(-d / truth.soil.shear_modulus)) * (1 + 0.01 * random.normal()));
+      }
+      out.direct_shear.push_back(std::move(t));
+    }
+  }
+  return out;
+}
+
+bool names(const Diagnosis& d, const std::string& id) {
+  for (const Finding& f : d.effects)
+    if (std::find(f.ids.begin(), f.ids.end(), id) != f.ids.end()) return true;
+  return false;
+}
+
+effects::EffectSet on(const std::map<std::string, std::map<std::string, double>>& m) { return effects::EffectSet(m); }
+
+TEST(Diagnose, SaysNothingWhereNothingIsMissing) {
+  for (unsigned long seed = 1; seed <= 2; ++seed) {
+    Truth truth;
+    truth.seed = seed;
+    const Diagnosis d = diagnose(campaign(truth));
+    EXPECT_EQ(d.verdict, "no_mismatch") << d.statement;
+    EXPECT_TRUE(d.effects.empty());
+    EXPECT_FALSE(d.detectable.empty());
+  }
+}
+
+TEST(Diagnose, NamesSlipSinkageAndItsStrength) {
+  Truth truth;
+  truth.effects = on({{"slip_sinkage", {{"n1", 0.4}}}});
+  const Diagnosis d = diagnose(campaign(truth));
+  EXPECT_EQ(d.verdict, "missing_physics") << d.statement;
+  ASSERT_EQ(d.effects.size(), 1u);
+  EXPECT_EQ(d.effects[0].ids.front(), "slip_sinkage");
+  EXPECT_NEAR(d.effects[0].parameters.at("n1").value, 0.4, 4 * d.effects[0].parameters.at("n1").deviation);
+  EXPECT_LT(d.fit[2].heldout_after, 0.6 * d.fit[2].heldout_before);
+}
+
+TEST(Diagnose, ReturnsAsASetWhatTheRecordingCannotTellApart) {
+  Truth truth;
+  truth.change = [](const Condition& q, double* y) { y[0] -= q.normal_load * std::sin(0.03); };
+  const Diagnosis d = diagnose(campaign(truth));
+  EXPECT_TRUE(names(d, "slope")) << d.statement;
+  EXPECT_TRUE(names(d, "crosstalk")) << d.statement;
+  EXPECT_FALSE(d.next_experiments.empty());
+}
+
+TEST(Diagnose, TellsTheInstrumentFromTheSoil) {
+  Truth truth;
+  truth.change = [](const Condition&, double* y) { y[1] += 0.5; };
+  const Diagnosis d = diagnose(campaign(truth));
+  EXPECT_EQ(d.verdict, "instrument") << d.statement;
+  EXPECT_TRUE(names(d, "torque_bias"));
+  EXPECT_TRUE(names(d, "drive_friction"));
+}
+
+TEST(Diagnose, FindsLugsInTheOrderSpectrum) {
+  Truth truth;
+  truth.ripple = [](const Condition& q, double t) { return 1.5 * std::sin(18 * q.angular_velocity * t + 0.3); };
+  const Diagnosis d = diagnose(campaign(truth));
+  ASSERT_TRUE(names(d, "grousers")) << d.statement;
+  EXPECT_EQ(d.effects[0].parameters.at("count").value, 18);
+}
+
+TEST(Diagnose, CorrectsABelievedParameterWithoutNamingPhysics) {
+  Truth truth;
+  truth.soil.k = 4.5e4;
+  const Diagnosis d = diagnose(campaign(truth));
+  EXPECT_EQ(d.verdict, "parameters") << d.statement;
+  EXPECT_TRUE(d.effects.empty());
+}
+
+TEST(Diagnose, CallsUnknownWhatNoEffectExplains) {
+  Truth truth;
+  truth.change = [](const Condition& q, double* y) { y[0] -= 8 * std::tanh(std::abs(q.slip) / 0.1) * std::pow(q.normal_load / 115, 2); };
+  const Diagnosis d = diagnose(campaign(truth));
+  EXPECT_EQ(d.verdict, "unknown") << d.statement;
+  EXPECT_NE(d.unexplained_form.find("drawbar_pull"), std::string::npos);
+}
+
+TEST(Diagnose, PoorRecordingsGetNoConfidentName) {
+  Truth truth;
+  truth.effects = on({{"slip_sinkage", {{"n1", 0.4}}}});
+  recording::Recording one = campaign(truth);
+  one.runs.resize(1);
+  EXPECT_TRUE(diagnose(one).effects.empty());
+  recording::Recording reversed = campaign(truth);
+  for (recording::Run& r : reversed.runs)
+    for (double& v : r.channels[0].values) v = -v;
+  const Diagnosis d = diagnose(reversed);
+  EXPECT_EQ(d.verdict, "undecided");
+  EXPECT_NE(d.statement.find("sign"), std::string::npos) << d.statement;
+  recording::Recording empty = campaign(truth);
+  empty.runs.clear();
+  EXPECT_THROW(diagnose(empty), InputError);
+}
+
+TEST(Diagnose, SameSeedAndAnyThreadsGiveTheSameDiagnosis) {
+  Truth truth;
+  truth.effects = on({{"rear_contact", {{"lambda", 0.1}}}});
+  const recording::Recording r = campaign(truth);
+  Options one, two;
+  one.threads = 1;
+  two.threads = 2;
+  const Diagnosis a = diagnose(r, one), b = diagnose(r, two);
+  EXPECT_EQ(a.statement, b.statement);
+  ASSERT_FALSE(a.effects.empty());
+  EXPECT_EQ(a.effects[0].parameters.at("lambda").value, b.effects[0].parameters.at("lambda").value);
+}
+
+}  // namespace
+}  // namespace terrode::diagnosis
