@@ -18,6 +18,7 @@
   X(run)                    \
   X(sweep)                  \
   X(converge)               \
+  X(diagnose)               \
   X(export)                 \
   X(view)                   \
   X(validate)               \
