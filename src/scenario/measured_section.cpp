@@ -1,3 +1,8 @@
+#include <fmt/format.h>
+
+#include <filesystem>
+
+#include "scenario/recording_file.h"
 #include "scenario/section.h"
 
 namespace terrode::scenario {
@@ -31,6 +36,16 @@ Section measured_section() {
   Section section;
   section.name = "measured";
   section.read = [](const Node& node, const std::string& key, Source& source, Scenario& out) {
+    if (node.kind == Node::Kind::scalar) {
+      out.measured_file = beside(source.file, node.text);
+      try {
+        out.measured = load_recording(out.measured_file);
+      } catch (const InputError& e) {
+        source.problem(node, key, fmt::format("names the recording '{}', which cannot be read", out.measured_file));
+        source.problems.insert(source.problems.end(), e.problems().begin(), e.problems().end());
+      }
+      return;
+    }
     recording::Recording measured;
     MapReader map(node, key, source);
     if (const auto text = map.text("source")) measured.source = *text;
@@ -59,6 +74,7 @@ Section measured_section() {
   };
   section.write = [](const Scenario& in) -> std::optional<Node> {
     if (!in.measured || in.from_recording) return std::nullopt;
+    if (!in.measured_file.empty()) return Node::scalar(std::filesystem::absolute(in.measured_file).lexically_normal().string());
     Node out = Node::map();
     if (!in.measured->source.empty()) out.set("source", Node::scalar(in.measured->source));
     Node& table = out.set("table", Node::sequence());
@@ -82,11 +98,12 @@ Section measured_section() {
     return out;
   };
   section.schema = [] {
-    return Json{{"type", "object"},
-                {"description", "measured points to compare with"},
-                {"additionalProperties", false},
-                {"properties", {{"source", {{"type", "string"}}}, {"table", {{"type", "array"}, {"items", row_table().schema()}}}}},
-                {"required", Json::array({"table"})}};
+    const Json table = {{"type", "object"},
+                        {"additionalProperties", false},
+                        {"properties", {{"source", {{"type", "string"}}}, {"table", {{"type", "array"}, {"items", row_table().schema()}}}}},
+                        {"required", Json::array({"table"})}};
+    return Json{{"description", "measured points to compare with, or the path of a recording"},
+                {"anyOf", Json::array({Json{{"type", "string"}}, table})}};
   };
   return section;
 }

@@ -42,7 +42,7 @@ void read_methods(MapReader& map, Scenario& out) {
 
 // The convention is known only when the rig has been read, so slips of the measured points are turned afterwards.
 void convert_measured_slips(const Node& root, Source& source, Scenario& out) {
-  if (!out.measured || out.from_recording) return;
+  if (!out.measured || out.from_recording || !out.measured_file.empty()) return;
   const auto convention = out.slip_convention();
   for (recording::Run& run : out.measured->runs) {
     try {

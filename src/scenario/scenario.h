@@ -106,6 +106,7 @@ struct Scenario {
   std::vector<double> slips;          // by the convention of the scenario
   std::vector<SweepCondition> conditions;
   std::optional<recording::Recording> measured;
+  std::string measured_file;          // the recording it came from; empty where the scenario holds the points
   bool from_recording = false;
   std::vector<std::string> notes;     // for the user: defaults that were assumed, keys kept and ignored
 

@@ -293,6 +293,32 @@ TEST_F(Program, RunWritesASeriesThatExportShows) {
   EXPECT_EQ(static_cast<std::size_t>(std::count(csv.out.begin(), csv.out.end(), '\n')), result.runs[0].time.size() + 1);
 }
 
+// The numbers that the comments of the scenarios promise.
+TEST_F(Program, ScenariosGiveTheNumbersTheyPromise) {
+  struct Promise {
+    const char* name;
+    const char* slips;
+    double drawbar_pull[3], driving_torque[3], sinkage_mm[3];
+  };
+  const Promise promises[] = {
+      {"mms_table1", "-0.7,0,0.3", {-66.8, 48.3, 54.9}, {-6.6, 8.5, 9.6}, {9.6, 9.6, 10.0}},
+      {"mms_table8", "-0.7,0,0.3", {-46.1, 3.6, 36.3}, {-2.6, 3.7, 8.2}, {16.5, 15.3, 15.8}},
+      {"ding2011", "0.1,0.3,0.6", {3.7, 16.4, 24.6}, {2.4, 4.5, 6.0}, {9.8, 10.0, 10.6}},
+  };
+  constexpr double kHalfDigit = 0.0501;  // the promises have one decimal
+  for (const Promise& p : promises) {
+    const fs::path path = fs::path(TERRODE_SOURCE_DIR) / "scenarios" / (std::string(p.name) + ".yaml");
+    const Outcome o = run({"sweep", path.string(), "--method", "steady", "--slip", p.slips, "--json"});
+    ASSERT_EQ(o.status, 0) << o.err;
+    const json points = json::parse(o.out)["results"][0]["points"];
+    for (std::size_t i = 0; i < 3; ++i) {
+      EXPECT_NEAR(points[i]["drawbar_pull"].get<double>(), p.drawbar_pull[i], kHalfDigit) << p.name << " " << i;
+      EXPECT_NEAR(points[i]["driving_torque"].get<double>(), p.driving_torque[i], kHalfDigit) << p.name << " " << i;
+      EXPECT_NEAR(points[i]["sinkage"].get<double>() * 1e3, p.sinkage_mm[i], kHalfDigit) << p.name << " " << i;
+    }
+  }
+}
+
 TEST_F(Program, ReportAndFigureAreWritten) {
   ASSERT_EQ(run({"sweep", scenario(), "--method", "steady", "--report", file("r.html").string(), "--figure", file("f.svg").string()}).status, 0);
   EXPECT_THAT(content(file("r.html")), HasSubstr("small"));
