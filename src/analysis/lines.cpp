@@ -23,6 +23,7 @@ constexpr int kBackgroundOrder = 6;
 constexpr int kBackgroundRounds = 20;
 constexpr double kEvidenceCap = 15.0;        // of one run for one axis, so that no single run decides
 constexpr double kDecisive = 4.605170186;    // ln 100
+constexpr double kFilteredShare = 1e-4;
 constexpr int kMaxHarmonic = 8;
 constexpr int kResonanceOrder = 16;
 // Rates that rise with slip need not start from zero: |r omega - v| + offset r omega is tried for these offsets, at the
@@ -165,6 +166,7 @@ Problems LineOptions::validate() const {
   require(out, "nw", nw, "", nw >= 1.0 && nw <= 32.0, "a time-bandwidth product from 1 to 32");
   require(out, "lowest", lowest, "Hz", lowest >= 0.0, "a frequency of at least 0");
   require(out, "highest", highest, "Hz", highest >= 0.0 && (highest == 0.0 || highest > lowest), "a frequency above lowest, or 0");
+  require(out, "smallest_share", smallest_share, "", smallest_share >= 0.0 && smallest_share < 1.0, "a share from 0 to below 1");
   require(out, "trend", trend, "", trend >= 0 && trend <= 2, "0, 1 or 2");
   require(out, "wheel_radius", wheel_radius, "m", wheel_radius >= 0.0, "a radius of at least 0");
   return out;
@@ -310,6 +312,17 @@ ChannelSpectrum channel_spectrum(const recording::Run& run, const std::string& c
   const double W = out.spectrum.half_bandwidth;
   out.lowest = std::max(options.lowest, W);
   out.highest = options.highest > 0.0 ? std::min(options.highest, 0.5 * out.rate) : 0.45 * out.rate;
+  if (!(options.highest > 0.0)) {
+    // Above the frequency that leaves a ten-thousandth of the variance there is what a filter let through.
+    double total = 0.0, above = 0.0;
+    for (const double d : out.spectrum.density) total += d;
+    for (std::size_t i = out.spectrum.density.size(); i-- > 0;) {
+      above += out.spectrum.density[i];
+      if (above < kFilteredShare * total) continue;
+      out.highest = std::min(out.highest, std::max(out.spectrum.frequency[i] + W, out.lowest + 8.0 * W));
+      break;
+    }
+  }
   if (out.highest < out.lowest + 4.0 * W) return out;
 
   // The strongest line first; a sinusoid is subtracted before the next is looked for, so that it neither leaks nor
@@ -327,6 +340,7 @@ ChannelSpectrum channel_spectrum(const recording::Run& run, const std::string& c
     double density, dof;
   };
   std::vector<Found> found;
+  std::size_t rounds = 0;
   while (found.size() < options.max_lines) {
     std::size_t at = 0;
     double best = 0.0;
@@ -378,7 +392,10 @@ ChannelSpectrum channel_spectrum(const recording::Run& run, const std::string& c
       continue;
     }
     line.phase = line.sinusoidal ? fit.phase : fit_sinusoid(series, line.frequency).phase;
-    found.push_back({line, at, s.density[at], dof});
+    // What is left of a line that wavers in amplitude lies within the bandwidth of it: not a line of its own.
+    const bool repeated = std::any_of(found.begin(), found.end(), [&](const Found& f) { return std::abs(f.line.frequency - line.frequency) < W; });
+    if (!repeated) found.push_back({line, at, s.density[at], dof});
+    if (++rounds > 3 * options.max_lines) break;
     for (std::size_t i = a; i <= b; ++i) masked[i] = true;
     if (line.sinusoidal) {
       for (std::size_t i = 0; i < series.x.size(); ++i)
@@ -398,7 +415,7 @@ ChannelSpectrum channel_spectrum(const recording::Run& run, const std::string& c
     if (out.axis_rate[1] > 0.0) line.order = line.frequency / out.axis_rate[1];
     if (out.axis_rate[2] > 0.0) line.per_metre = line.frequency / out.axis_rate[2];
     if (out.axis_rate[3] > 0.0) line.per_slip_metre = line.frequency / out.axis_rate[3];
-    if (log_p <= std::log(options.false_alarm)) out.lines.push_back(line);
+    if (log_p <= std::log(options.false_alarm) && line.share_of_variance >= options.smallest_share) out.lines.push_back(line);
   }
   std::sort(out.lines.begin(), out.lines.end(), [](const SpectralLine& x, const SpectralLine& y) { return x.significance > y.significance; });
   for (std::size_t j = 0; j < out.lines.size(); ++j) {

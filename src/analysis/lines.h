@@ -31,8 +31,9 @@ struct LineOptions {
   double nw = 3.0;                       // half bandwidth of the spectrum, in 1/length
   std::size_t tapers = 5;
   double lowest = 0.0;                   // Hz; 0: from the half bandwidth
-  double highest = 0.0;                  // Hz; 0: up to 0.9 of half the sampling rate
+  double highest = 0.0;                  // Hz; 0: up to 0.9 of half the sampling rate, or less where a filter has left nothing
   std::size_t max_lines = 12;            // of one channel of one run
+  double smallest_share = 1e-3;          // of the variance: fainter peaks are what filters and rounding leave, not lines
   int trend = 1;                         // degree of the polynomial that is removed first
   std::optional<double> begin, end;      // s: the window; without it the steady part of the run
   double wheel_radius = 0.0;             // m; 0: no slip travel

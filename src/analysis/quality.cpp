@@ -197,10 +197,11 @@ class Checker {
     const std::size_t n = c.values.size();
     if (n < 4 * reach) return;
     std::vector<double> off(n, 0.0), sizes;
-    for (std::size_t i = 0; i < n; ++i) {
+    // At the ends there are neighbours on one side only: a run that settles would look like an outlier.
+    for (std::size_t i = reach; i + reach < n; ++i) {
       if (!std::isfinite(c.values[i])) continue;
       std::vector<double> near;
-      for (std::size_t k = i > reach ? i - reach : 0; k <= std::min(i + reach, n - 1); ++k)
+      for (std::size_t k = i - reach; k <= i + reach; ++k)
         if (std::isfinite(c.values[k])) near.push_back(c.values[k]);
       off[i] = std::abs(c.values[i] - median(near));
       sizes.push_back(off[i]);

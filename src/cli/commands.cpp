@@ -19,6 +19,8 @@
   X(sweep)                  \
   X(converge)               \
   X(diagnose)               \
+  X(oscillation)            \
+  X(compare)                \
   X(export)                 \
   X(view)                   \
   X(validate)               \

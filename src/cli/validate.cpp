@@ -2,8 +2,10 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 
+#include "analysis/quality.h"
 #include "cli/terminal.h"
 #include "scenario/methods.h"
 #include "scenario/recording_file.h"
@@ -12,16 +14,28 @@
 namespace terrode::cli {
 namespace {
 
+// What the samples of a recording show: the file can be read, but somebody should look.
+std::vector<Problem> sample_warnings(const recording::Recording& recording) {
+  std::vector<Problem> out;
+  for (const recording::Run& run : recording.runs)
+    for (const analysis::QualityFinding& f : analysis::check_quality(run, recording.wheel.radius))
+      out.push_back({(std::filesystem::path(recording.folder) / run.file).lexically_normal().string(), f.line, 0,
+                     f.channel, "warning: " + f.message, {}});
+  return out;
+}
+
 void validate(const std::vector<std::string>& files, Common& common) {
   Json checked = Json::array();
   for (const std::string& file : files) {
     Problems problems;
     std::vector<std::string> notes;
+    std::vector<Problem> warnings;
     try {
       if (scenario::is_recording(file)) {
         scenario::RecordingCheck check = scenario::check_recording(file, common.threads);
         problems = std::move(check.problems);
         notes = std::move(check.recording.remarks);
+        warnings = sample_warnings(check.recording);
       } else {
         const scenario::Scenario s = scenario::load_scenario(file);
         notes = s.notes;
@@ -39,6 +53,11 @@ void validate(const std::vector<std::string>& files, Common& common) {
       if (p.file.empty()) p.file = file;
       entry["problems"].push_back(problem_json(p));
       if (!common.json) std::printf("%s\n", p.text().c_str());
+    }
+    entry["warnings"] = Json::array();
+    for (const Problem& w : warnings) {
+      entry["warnings"].push_back(problem_json(w));
+      if (!common.json) std::printf("%s\n", w.text().c_str());
     }
     checked.push_back(std::move(entry));
     if (common.json) continue;
