@@ -368,7 +368,8 @@ Comparison compare(const recording::Recording& result, const recording::Recordin
     const double n = static_cast<double>(s.pairs);
     s.bias /= n;
     s.rmse = std::sqrt(s.rmse / n);
-    s.relative_rmse = hi > lo ? s.rmse / (hi - lo) : 0.0;
+    const double size = std::max({hi - lo, std::abs(hi), std::abs(lo)});
+    s.relative_rmse = size > 0.0 ? s.rmse / size : 0.0;
     s.scatter = pooled[name].std;
     s.area = area_metric(recorded_means[name], computed_means[name]);
     if (rated > 0.0) s.rating /= rated;

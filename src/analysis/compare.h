@@ -55,7 +55,7 @@ struct RunComparison {
 struct ChannelSummary {
   std::size_t pairs = 0;
   double bias = 0.0, rmse = 0.0;               // of the means
-  double relative_rmse = 0.0;                  // rmse over the range of the recorded means
+  double relative_rmse = 0.0;                  // rmse over the larger of the recorded means' range and size
   double largest_error = 0.0, largest_at_slip = 0.0;
   double scatter = 0.0;                        // pooled deviation between the recording's replicates; 0 without any
   double area = 0.0;                           // area metric between recorded and computed means, pairs as samples

@@ -83,7 +83,7 @@ void print_text(const std::vector<Compared>& all) {
                         c.error_sem > 0.0 ? value(c.error_sem) : "-", value(c.recorded_std), value(c.computed_std), c.rating ? fmt::format("{:.2f}", c.rating->total) : "-"});
       }
     std::printf("%s", aligned(rows).c_str());
-    std::vector<std::vector<std::string>> sums = {{"channel", "unit", "pairs", "bias", "rmse", "of range", "largest", "at slip", "replicates' std", "area", "rating"}};
+    std::vector<std::vector<std::string>> sums = {{"channel", "unit", "pairs", "bias", "rmse", "of size", "largest", "at slip", "replicates' std", "area", "rating"}};
     for (const auto& [name, s] : m.comparison.summary) {
       const Shown u = shown_unit(name, s.unit);
       const auto value = [&](double x) { return fmt::format("{:.4g}", u.factor * x); };
@@ -104,7 +104,7 @@ void write_report(const std::string& path, const std::vector<Compared>& all, con
   std::string sentence;
   for (const Compared& m : all)
     for (const auto& [name, s] : m.comparison.summary)
-      sentence += fmt::format("{}{}{}: {:.0f} % of the range", sentence.empty() ? "" : "; ", m.method.empty() ? "" : m.method + ", ", name, 100.0 * s.relative_rmse);
+      sentence += fmt::format("{}{}{}: {:.0f} % of its size", sentence.empty() ? "" : "; ", m.method.empty() ? "" : m.method + ", ", name, 100.0 * s.relative_rmse);
   page.verdict(report::Mood::neutral, sentence.empty() ? "No channel could be compared." : "Root mean square error of the means: " + sentence + ".");
   std::vector<std::string> channels;
   for (const Compared& m : all)

@@ -140,7 +140,7 @@ void write_report(const std::string& path, const analysis::Oscillation& o, const
       report::Series curve;
       curve.name = items[order[k]].label;
       report::Series back = curve;
-      for (std::size_t i = 1; i < s.spectrum.frequency.size(); ++i) {
+      for (std::size_t i = 1; i < s.spectrum.frequency.size(); i += 1 + i / 200) {  // finer where the axis is wide
         if (s.spectrum.frequency[i] > s.highest) break;
         curve.x.push_back(s.spectrum.frequency[i]);
         curve.y.push_back(s.spectrum.density[i]);
