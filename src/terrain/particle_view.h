@@ -8,7 +8,8 @@ namespace terrode::terrain {
 class ParticleView {
  public:
   virtual ~ParticleView() = default;
-  // Centres x y z [m, world] one after another and radii [m], always in the same order and number.
+  // Centres x y z [m, world] one after another and radii [m], always in the same order; a ground that is laid as bodies
+  // reach it adds new ones at the end.
   virtual void particles(std::vector<float>& position, std::vector<float>& radius) const = 0;
 };
 

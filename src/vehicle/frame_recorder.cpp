@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "terrain/particle_view.h"
 #include "wheel/wheel.h"
@@ -96,18 +97,6 @@ void FrameRecorder::lay_out(Simulation& simulation) {
           g.x0 + static_cast<double>(i) * g.spacing, g.y0 + static_cast<double>(j) * g.spacing)));
   g.pressure = true;
   layout_.ground = std::move(g);
-  recording::FrameParticles grains;
-  std::vector<float> position;
-  if (const auto* view = dynamic_cast<const terrain::ParticleView*>(&simulation.ground())) view->particles(position, grains.radius);
-  if (!grains.radius.empty()) {
-    grains.low = grains.high = Vec3(position[0], position[1], position[2]);
-    for (std::size_t i = 0; i < position.size(); i += 3) {
-      const Vec3 p(position[i], position[i + 1], position[i + 2]);
-      grains.low = grains.low.cwiseMin(p);
-      grains.high = grains.high.cwiseMax(p);
-    }
-    layout_.particles = std::move(grains);
-  }
 }
 
 void FrameRecorder::observe(double time, Simulation& simulation) {
@@ -149,17 +138,44 @@ void FrameRecorder::observe(double time, Simulation& simulation) {
         }
     }
   }
-  if (layout_.particles) {
-    std::vector<float> radius;
-    dynamic_cast<const terrain::ParticleView&>(simulation.ground()).particles(frame.position, radius);
-    if (radius.size() != layout_.particles->radius.size()) throw RunError("the number of particles changed between frames");
+  if (const auto* view = dynamic_cast<const terrain::ParticleView*>(&simulation.ground())) {
+    const std::size_t before = radius_.size();
+    radius_.clear();
+    view->particles(frame.position, radius_);
+    if (radius_.size() < before) throw RunError("particles were lost between two frames");
   }
   frames_.push_back(std::move(frame));
 }
 
 void FrameRecorder::write(recording::Hdf5File& file) const {
-  recording::FrameWriter writer(file, layout_);
-  for (const recording::Frame& frame : frames_) writer.append(frame);
+  recording::FrameLayout layout = layout_;
+  std::vector<float> first;  // where each particle was first seen
+  if (!radius_.empty()) {
+    recording::FrameParticles grains;
+    grains.radius = radius_;
+    grains.low = Vec3::Constant(std::numeric_limits<double>::infinity());
+    grains.high = -grains.low;
+    for (const recording::Frame& frame : frames_) {
+      first.insert(first.end(), frame.position.begin() + static_cast<std::ptrdiff_t>(std::min(first.size(), frame.position.size())),
+                   frame.position.end());
+      for (std::size_t i = 0; i + 2 < frame.position.size(); i += 3) {
+        const Vec3 p(frame.position[i], frame.position[i + 1], frame.position[i + 2]);
+        grains.low = grains.low.cwiseMin(p);
+        grains.high = grains.high.cwiseMax(p);
+      }
+    }
+    layout.particles = std::move(grains);
+  }
+  recording::FrameWriter writer(file, layout);
+  for (const recording::Frame& frame : frames_) {
+    if (frame.position.size() == first.size()) {
+      writer.append(frame);
+      continue;
+    }
+    recording::Frame whole = frame;
+    whole.position.insert(whole.position.end(), first.begin() + static_cast<std::ptrdiff_t>(frame.position.size()), first.end());
+    writer.append(whole);
+  }
 }
 
 }  // namespace terrode::vehicle

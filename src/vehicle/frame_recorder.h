@@ -34,18 +34,21 @@ class FrameRecorder {
   void observe(double time, Simulation& simulation);
 
   std::size_t count() const { return frames_.size(); }
+  // Bodies and ground; particles are laid out by write().
   const recording::FrameLayout& layout() const { return layout_; }
   const std::vector<recording::Frame>& frames() const { return frames_; }
 
-  // Writes /frames (and /particles) into an open file. Throws RunError.
+  // Writes /frames (and /particles) into an open file; particles that were laid on the way lie in earlier frames where
+  // they were first seen. Throws RunError.
   void write(recording::Hdf5File& file) const;
 
  private:
   void lay_out(Simulation& simulation);
 
   FrameSettings settings_;
-  recording::FrameLayout layout_;
+  recording::FrameLayout layout_;           // without particles: their number may grow until the end
   std::vector<recording::Frame> frames_;
+  std::vector<float> radius_;               // m, of the particles so far
   double next_ = 0.0;
 };
 

@@ -5,8 +5,10 @@
 
 #include <cmath>
 #include <filesystem>
+#include <optional>
 
 #include "terrain/node_spring.h"
+#include "terrain/particle_view.h"
 #include "wheel/wheel.h"
 
 namespace terrode::vehicle {
@@ -62,6 +64,68 @@ TEST(FrameRecorder, ShowsTheRutThatTheRigLeaves) {
   }
   const auto file = recording::Hdf5File::open(path.string());
   EXPECT_EQ(recording::FrameReader(file).count(), recorder->count());
+  std::filesystem::remove(path);
+}
+
+// Three grains, a fourth once the wheel has moved 0.05 m; all rise by 1 mm a look.
+class Grains final : public terrain::Terrain, public terrain::ParticleView {
+ public:
+  terrain::BodyId add_body(std::shared_ptr<const wheel::Body> shape) override { return ground_.add_body(std::move(shape)); }
+  terrain::Sampling sampling() const override { return ground_.sampling(); }
+  void begin_step(double t, double h) override { ground_.begin_step(t, h); }
+  void set_motion(terrain::BodyId b, const Pose& p, const Twist& v) override { ground_.set_motion(b, p, v); }
+  terrain::ContactResult wrench(terrain::BodyId b, const Pose& p, const Twist& v) override {
+    x_ = p.p_W.x();
+    return ground_.wrench(b, p, v);
+  }
+  void end_step() override { ground_.end_step(); }
+  double height(double x, double y) const override { return ground_.height(x, y); }
+  double undisturbed_height(double x, double y) const override { return ground_.undisturbed_height(x, y); }
+  std::vector<std::uint8_t> snapshot() const override { return ground_.snapshot(); }
+  void restore(std::span<const std::uint8_t> bytes) override { ground_.restore(bytes); }
+  std::string name() const override { return "grains"; }
+  void particles(std::vector<float>& position, std::vector<float>& radius) const override {
+    const int n = x_ > 0.05 ? 4 : 3;
+    for (int i = 0; i < n; ++i) {
+      position.insert(position.end(), {0.1f * static_cast<float>(i), 0.0f, 0.001f * static_cast<float>(looks_)});
+      radius.push_back(0.002f);
+    }
+    ++looks_;
+  }
+
+ private:
+  terrain::NodeSpringTerrain ground_{soft_ground()};
+  double x_ = 0.0;
+  mutable int looks_ = 0;
+};
+
+TEST(FrameRecorder, ParticlesLaidOnTheWayLieWhereTheyWereFirstSeen) {
+  RigSpec spec;
+  RigMotion motion;
+  motion.distance = 0.1;
+  Rig rig(spec, motion, std::make_shared<wheel::Wheel>(wheel::WheelShape{}), std::make_unique<Grains>());
+  std::optional<FrameRecorder> recorder;
+  rig.set_observer([&](Rig& r) {
+    if (!recorder) recorder.emplace(frame_settings(r, 5));
+    recorder->observe(r.last().time, r.simulation());
+  });
+  rig.run();
+  const auto path = std::filesystem::temp_directory_path() / ("terrode-grains-" + std::to_string(getpid()) + ".h5");
+  {
+    auto file = recording::Hdf5File::create(path.string());
+    recorder->write(file);
+    file.close();
+  }
+  const auto file = recording::Hdf5File::open(path.string());
+  const recording::FrameReader reader(file);
+  ASSERT_TRUE(reader.layout().particles);
+  EXPECT_EQ(reader.layout().particles->radius.size(), 4u);
+  const auto first = reader.read(0), last = reader.read(reader.count() - 1);
+  ASSERT_EQ(first.position.size(), 12u);
+  EXPECT_FLOAT_EQ(first.position[2], 0.0f);
+  EXPECT_FLOAT_EQ(first.position[9], 0.3f) << "the fourth grain, not laid yet";
+  EXPECT_GT(first.position[11], 0.0f) << "where it was first seen";
+  EXPECT_LT(first.position[11], last.position[11]);
   std::filesystem::remove(path);
 }
 
