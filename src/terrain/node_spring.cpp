@@ -120,16 +120,6 @@ ContactResult NodeSpringTerrain::evaluate(BodyState& s, const Pose& pose, const 
   return press(s, pose, twist, record);
 }
 
-double NodeSpringTerrain::springback(const bekker::LocalSoil& soil, double plastic) const {
-  if (plastic <= 0) return 0.0;
-  if (params_.unloading == Unloading::elastic_plastic) {
-    const double p = bekker::power_law_pressure(soil, plastic);
-    return std::min(p / (params_.unloading_k0 + params_.unloading_au * plastic), plastic);
-  }
-  // Shallow ruts spring back by half their depth at most, so that the surface never rises to where it was.
-  return std::min(params_.springback, 0.5 * plastic);
-}
-
 void NodeSpringTerrain::leave(NodeIndex index, Node& node) const {
   if (params_.unloading != Unloading::elastic) {
     node.plastic = std::max(node.plastic, node.reached);

@@ -116,7 +116,15 @@ class NodeSpringTerrain final : public Terrain {
     if (field_) field_->at(x, y, depth, soil);
     return soil;
   }
-  double springback(const bekker::LocalSoil& soil, double plastic) const;
+  // How far ground springs back that was pressed to `plastic` [m]. Shallow ruts spring back by half their depth at most,
+  // so that the surface never rises to where it was.
+  double springback(const bekker::LocalSoil& soil, double plastic) const {
+    if (plastic <= 0) return 0.0;
+    if (params_.unloading != Unloading::elastic_plastic) return plastic < 2 * params_.springback ? 0.5 * plastic : params_.springback;
+    const double p = bekker::power_law_pressure(soil, plastic);
+    const double rebound = p / (params_.unloading_k0 + params_.unloading_au * plastic);
+    return rebound < plastic ? rebound : plastic;
+  }
 
   NodeSpringParams params_;
   bekker::PointLaw law_;

@@ -7,7 +7,7 @@ namespace terrode::terrain {
 RimShear::RimShear(int strips) : strips_(static_cast<std::size_t>(strips)), marks_(strips_ * kMarkers) {}
 
 void RimShear::clear() {
-  from_ = to_ = 0;
+  from_ = to_ = first_ = 0;
   uniform_ = true;
 }
 
@@ -26,6 +26,7 @@ void RimShear::advance(const RimShear& kept, RimShear& trial, std::span<const be
   const double lo = facing > 0 ? back : -front, hi = facing > 0 ? front : -back;
   trial.from_ = static_cast<int>(std::floor((lo + angle) / kStep)) - 1;
   trial.to_ = static_cast<int>(std::ceil((hi + angle) / kStep)) + 2;
+  trial.first_ = turn(trial.from_);
   const std::size_t strips = trial.uniform_ ? 1 : trial.strips_;
   for (int m = trial.from_; m < trial.to_; ++m) {
     const double theta = facing * (m * kStep - angle), before = theta + motion.spin;

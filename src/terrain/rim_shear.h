@@ -115,6 +115,7 @@ class RimShear {
     facing_ = in.template get<double>();
     angle_ = in.template get<double>();
     if (to_ < from_ || to_ - from_ > kMarkers) return false;
+    first_ = turn(from_);
     for (int m = from_; m < to_; ++m)
       for (std::size_t k = 0; k < (uniform_ ? 1 : strips_); ++k) {
         Mark& x = marks_[row(m) + k];
@@ -130,8 +131,13 @@ class RimShear {
     double along = 0.0, across = 0.0;
     bool active = false;
   };
-  std::size_t row(int m) const { return static_cast<std::size_t>(((m % kMarkers) + kMarkers) % kMarkers) * strips_; }
-  bool holds(int m) const { return (((m - from_) % kMarkers) + kMarkers) % kMarkers < to_ - from_; }
+  static int turn(int m) { return ((m % kMarkers) + kMarkers) % kMarkers; }
+  // Of a marker in [from, to); without a division, since every point asks.
+  std::size_t row(int m) const {
+    const int place = first_ + (m - from_);
+    return static_cast<std::size_t>(place >= kMarkers ? place - kMarkers : place) * strips_;
+  }
+  bool holds(int m) const { return turn(m - from_) < to_ - from_; }
   const Mark& mark(int m, std::size_t k) const {
     static const Mark none{};
     return m >= from_ && m < to_ ? marks_[row(m) + k] : none;
@@ -140,6 +146,7 @@ class RimShear {
   std::size_t strips_ = 0;
   std::vector<Mark> marks_;  // [marker][strip]
   int from_ = 0, to_ = 0;    // markers that count: [from, to)
+  int first_ = 0;            // from_ within a turn
   bool uniform_ = true;      // all strips are alike: the first stands for all
   double facing_ = 1.0, angle_ = 0.0;
 };
