@@ -545,6 +545,8 @@ class Diagnoser {
       // A further effect must pay more than the first, for it has more company to be picked from, and it must help on
       // conditions that took no part in the fit: small change to a form that does not quite fit helps there little.
       if (more < 8.0 || chi < out_.gate + 6.0) break;
+      // What a form that does not quite fit leaves over is a few percent of what it explains.
+      if (cost(best_.fit) - cost(tried[top].fit) < 0.08 * (cost(plain_.fit) - cost(best_.fit))) break;
       const auto without = held_out(best_), with = held_out(tried[top]);
       double improvement = 0;
       for (std::size_t ch = 0; ch < kChannels; ++ch)
@@ -897,18 +899,20 @@ class Diagnoser {
       out_.ripples.push_back(l);
       if (&l != &ripples_.lines.front() && l.relative < 0.3 * strongest && l.channel_score[2] < 20) continue;
       Finding f;
-      const bool sinkage_leads = l.channel_score[2] > 2.0 * std::max(l.channel_score[0], l.channel_score[1]);
+      const bool sinkage_leads = l.channel_score[2] > 10 && l.channel_score[2] > 2.0 * std::max(l.channel_score[0], l.channel_score[1]);
       std::vector<std::string> ids;
       switch (l.lock) {
-        case Lock::wheel: ids = {l.order <= 2 ? "eccentricity" : "grousers"}; break;
+        case Lock::wheel:
+          if (sinkage_leads || (l.relative > 0.01 && l.score > 15)) ids = {l.order <= 2 ? "eccentricity" : "grousers"};
+          break;
         case Lock::slip_path:
           if (l.relative > kNaturalRipple) ids = {"periodic_failure"};
           break;
         case Lock::time:
-          if (l.relative > 0.005 || sinkage_leads) ids = {sinkage_leads ? "undamped_bed" : "carriage_resonance"};
+          if (l.relative > 0.012 || sinkage_leads) ids = {sinkage_leads ? "undamped_bed" : "carriage_resonance"};
           break;
         case Lock::travel:
-          if (l.relative > 0.005 || sinkage_leads) ids = {l.wavelength > 0.03 ? "undulation" : "node_ripple"};
+          if (l.relative > 0.012 || sinkage_leads) ids = {l.wavelength > 0.03 ? "undulation" : "node_ripple"};
           break;
       }
       for (const Lock a : l.alternatives) {
