@@ -45,11 +45,12 @@ struct LocalSoil {
   double k, n, plate_width;         // Pa, -, m
   double cohesion, tan_phi;         // Pa, -
   double shear_modulus;             // K, m
+  double unit_weight;               // gamma, N/m3
 
   LocalSoil() = default;
   explicit LocalSoil(const Soil& s)
       : k(s.k), n(s.n), plate_width(s.plate_width), cohesion(s.cohesion), tan_phi(std::tan(s.friction_angle)),
-        shear_modulus(s.shear_modulus) {}
+        shear_modulus(s.shear_modulus), unit_weight(s.unit_weight()) {}
 };
 
 // How the whole contact of one wheel lies, after effects have changed it.

@@ -228,19 +228,27 @@ struct WheelProblem {
   unsigned hooks;
   Context context;
   double load = 0;
+  double slip;  // asked for, before effects
   int evaluations = 0;
   double slope;  // d ln(load) / d ln(entry angle), kept from one search to the next
 
   WheelProblem(const SteadyWheel& w, const LocalSoil& l, const ContactAngles& a, const PointLaw& p, const SteadyOptions& o,
             unsigned h, const Operating& op)
-      : wheel(w), local(l), angles(a), law(p), options(o), hooks(h), context(w.context(op)), slope(2.0 * l.n + 1.0) {}
+      : wheel(w), local(l), angles(a), law(p), options(o), hooks(h), context(w.context(op)), slip(op.slip), slope(2.0 * l.n + 1.0) {}
 
   ContactShape shape(double entry) {
-    ContactShape out{context.radius, context.slip, context.normal_load, 0.0};
+    ContactShape out{context.radius, slip, context.normal_load, 0.0};
     context.sinkage = out.radius * (1.0 - std::cos(entry));
-    if (hooks & StressModifier::kContact)
+    if (hooks & StressModifier::kContact) {
+      context.slip = slip;
       for (const StressModifier* m : law.modifiers)
         if (m->hooks() & StressModifier::kContact) m->contact(context, out);
+      // Points see the slip that the soil sees.
+      if (out.slip != slip) {
+        context.slip = out.slip;
+        context.forward_velocity = context.angular_velocity * context.radius * (1.0 - out.slip);
+      }
+    }
     context.sinkage = out.radius * (1.0 - std::cos(entry));
     return out;
   }

@@ -14,12 +14,12 @@ const Info& info() {
       "surface not parallel to the rail",
       "The soil's surface falls away from or rises to the rail, so that the measured sinkage grows along "
       "the travel.",
-      "z_measured = z + slope x",
+      "z_measured = z + slope x, DP = DP + W slope",
       "geometry",
       {{"slope", "-", 0, -0.1, 0.1, 0.005, 0.005, Scale::linear, true, "sinkage per metre of travel"}},
       "bed",
       {0, 0, 1, false, false, true, false, false,
-       "sinkage linear along the travel, the same in every run; forces nearly unchanged"},
+       "sinkage linear along the travel, the same in every run; pull up by a small share of the load, torque unchanged"},
       {"density_gradient", "sensor_drift"},
       "an unloaded pass with the sinkage sensor"};
   return out;

@@ -16,7 +16,7 @@ const Info& info() {
       "DP = DP + amplitude sin(2 pi f t)",
       "spring-mass resonance",
       {{"amplitude", "N", 0, 0, 1e4, 2, 2, Scale::linear, true, "in the drawbar channel"},
-       {"frequency", "Hz", 5, 0.05, 500, 5, 5, Scale::log, false, ""}},
+       {"frequency", "Hz", 5, 0.05, 500, 5, 5, Scale::log, false, "of the swinging"}},
       "rig, by time",
       {0, 0, 0, false, false, false, true, false, "a line at a fixed frequency at every speed and slip"},
       {"periodic_failure", "grousers"},

@@ -12,12 +12,12 @@ const Info& info() {
                         Class::shear,
                         "curved failure envelope",
                         "The friction angle falls as the normal stress rises.",
-                        "phi = phi0 - dphi log10(sigma/10 kPa)",
+                        "phi = phi0 - dphi log10(sigma/10 kPa), within 0 and 80 deg, for sigma above 1 Pa",
                         "Duncan et al. 1980 (form; range 3 to 10 deg per decade)",
                         {{"dphi", "rad", 0, -0.2, 0.4, 0.07, 0.07, Scale::linear, true,
                           "fall of the friction angle per decade of stress"}},
                         "shear",
-                        {0, 0, 0, false, false, false, false, false, "pull over load falls with load"},
+                        {-1, -1, 0, false, false, false, false, false, "pull over load falls with load"},
                         {"interface_friction"},
                         "loads over a factor of five; a shear box from 1 to 20 kPa"};
   return out;

@@ -13,11 +13,11 @@ const Info& info() {
       Class::bed,
       "density gradient along the bed",
       "The soil was prepared denser towards one end: its sinkage modulus changes linearly along the travel.",
-      "k = k0 (1 + g x)",
+      "k = k0 (1 + g x), at least 0.02 k0",
       "constructed here",
       {{"g", "1/m", 0, -5, 20, 1, 1, Scale::linear, true, "relative change of k per metre"}},
       "pressure, by position",
-      {0, 0, 0, false, false, true, false, false,
+      {0, 0, -1, false, false, true, false, false,
        "sinkage changes along the travel at the same place in every run, pull with it"},
       {"bed_drift", "wall_effect", "sensor_drift"},
       "two speeds, or another starting point: position against time"};

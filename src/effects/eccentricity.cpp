@@ -11,12 +11,13 @@ const Info& info() {
   static const Info out{"eccentricity",
                         Class::wheel,
                         "eccentric wheel",
-                        "The axle is off the wheel's centre: sinkage and pull swing once per turn.",
-                        "z += e cos(psi), DP += W e sin(psi)/(r (1 - s))",
-                        "kinematics of a rolling eccentric",
+                        "The axle is off the wheel's centre: it rises and falls once per turn, and the drive lifts the load with it. "
+                        "The pull stays, but for a modulation of slip by e/r, which is left out.",
+                        "z = z + e cos(psi), T = T + W e sin(psi) - DP e cos(psi)",
+                        "kinematics and moments about the axle of a rolling eccentric",
                         {{"offset", "m", 0, 0, 0.05, 0.001, 0.001, Scale::linear, true, "of the axle"}},
                         "rig: position of the axle",
-                        {0, 0, 0, false, false, false, false, true, "a line at one per turn, strongest in sinkage"},
+                        {0, 0, 0, false, false, false, false, true, "a line at one per turn in sinkage, a quarter turn later in torque"},
                         {"undulation"},
                         "phase against the encoder at two speeds"};
   return out;
@@ -29,8 +30,7 @@ class Eccentricity final : public Effect {
   void measure(const Sample& m, Reading& r, SensorState&) const override {
     if (m.context.phase_average) return;
     r.sinkage += p(0) * std::cos(m.wheel_angle);
-    const double travel = std::isfinite(m.context.slip) ? std::max(0.05, 1.0 - m.context.slip) : 1.0;
-    r.drawbar_pull += m.context.normal_load * p(0) * std::sin(m.wheel_angle) / (m.context.radius * travel);
+    r.driving_torque += p(0) * (m.context.normal_load * std::sin(m.wheel_angle) - r.drawbar_pull * std::cos(m.wheel_angle));
   }
 };
 

@@ -36,7 +36,7 @@ class Grousers final : public Effect {
   void traction(const bekker::Context& c, const bekker::Point& q, const bekker::LocalSoil& s,
                 bekker::Stress& out) const override {
     const double n_phi = std::pow(std::tan(0.25 * std::numbers::pi + 0.5 * std::atan(s.tan_phi)), 2);
-    const double face = n_phi * (0.5 * c.unit_weight * (q.depth + p(0)) + 0.06 * out.sigma) +
+    const double face = n_phi * (0.5 * s.unit_weight * (q.depth + p(0)) + 0.06 * out.sigma) +
                         2.0 * s.cohesion * std::sqrt(n_phi) + 0.4 * s.k * std::pow(p(0) / s.plate_width, s.n);
     const double a = std::isfinite(c.slip) ? 1.0 - std::exp(-std::abs(c.slip) / 0.1) : 1.0;
     const double ripple = c.phase_average ? 1.0 : 1.0 + 0.1 * std::sin(p(1) * c.wheel_angle);

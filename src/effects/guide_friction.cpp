@@ -1,6 +1,4 @@
-#include <algorithm>
-#include <cmath>
-#include <numbers>
+#include <fmt/format.h>
 
 #include "effects/effect.h"
 
@@ -29,7 +27,10 @@ class GuideFriction final : public Effect {
   using Effect::Effect;
   unsigned hooks() const override { return kContact; }
   void contact(const bekker::Context&, bekker::ContactShape& shape) const override {
-    shape.normal_load = std::max(1e-6, shape.normal_load - p(0));
+    if (!(shape.normal_load > p(0)))
+      throw RunError(fmt::format("guide friction of {:.6g} N carries the whole load of {:.6g} N: nothing is left for the soil", p(0),
+                                 shape.normal_load));
+    shape.normal_load -= p(0);
   }
 };
 

@@ -17,9 +17,9 @@ const Info& info() {
       "sigma = sigma [1 + stiffening (z - depth)/depth], z > depth",
       "constructed here; stiff bottom of Bekker 1969",
       {{"stiffening", "-", 0, 0, 50, 1, 1, Scale::linear, true, "relative rise of pressure per depth"},
-       {"depth", "m", 0.01, 0.001, 1, 0.01, 0.01, Scale::log, false, "where it begins"}},
+       {"depth", "m", 0.006, 0.001, 1, 0.006, 0.006, Scale::log, false, "where it begins"}},
       "pressure",
-      {0, -1, -1, false, false, false, false, false, "sinkage grows less with load than the power law says"},
+      {0, 0, -1, false, false, false, false, false, "sinkage grows less with load than the power law says"},
       {"plate_scale"},
       "loads that sink the wheel deeper; a plate test to depth"};
   return out;

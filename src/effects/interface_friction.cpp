@@ -16,10 +16,10 @@ const Info& info() {
       "interface friction.",
       "tau <= c_a + sigma tan(delta)",
       "Mohr-Coulomb limit of the interface; Shikanai et al. 2000, J. Terramechanics 37:21 compare surfaces",
-      {{"delta", "rad", 1.5, 0.02, 1.5, 0.45, 0.3, Scale::linear, true, "friction angle of the surface"},
+      {{"delta", "rad", std::numbers::pi / 2, 0.02, std::numbers::pi / 2, 0.45, 0.3, Scale::linear, true, "friction angle of the surface"},
        {"adhesion", "Pa", 0, 0, 1e4, 0, 100, Scale::linear, false, "adhesion of the surface"}},
       "shear",
-      {-1, -1, 1, false, false, false, false, false,
+      {-1, -1, 0, false, false, false, false, false,
        "pull and torque saturate low at high slip, in proportion to load; the shear box disagrees"},
       {"curved_failure_envelope"},
       "a soil-coated wheel; a shear box on the wheel's surface"};

@@ -19,7 +19,7 @@ const Info& info() {
       {{"gain", "-", 0, -0.5, 20, 0.8, 1, Scale::linear, true, "relative growth of k after many passes"},
        {"passes", "-", 1, 0.3, 10, 1.5, 1, Scale::linear, false, "passes over which most of it happens"}},
       "pressure",
-      {0, 0, 0, false, true, false, false, false,
+      {0, 0, -1, false, true, false, false, false,
        "nothing on the first pass; sinkage falls from pass to pass, less each time"},
       {"density_gradient"},
       "three passes or more at two slips"};

@@ -19,7 +19,7 @@ const Info& info() {
       {{"Kr", "-", 1, 0.1, 1, 0.75, 0.3, Scale::linear, true, "residual over peak"},
        {"Kw", "m", 0.004, 1e-4, 0.1, 0.004, 0.01, Scale::log, false, "displacement of the peak"}},
       "shear",
-      {-1, -1, 0, false, false, false, false, false, "pull and torque high at small slip, falling after a peak"},
+      {1, 1, 0, false, false, false, false, false, "pull and torque high at small slip, falling after a peak"},
       {"slip_offset", "pressure_dependent_K", "interface_friction"},
       "the shear box's curve to twenty K; slips below 0.1"};
   return out;

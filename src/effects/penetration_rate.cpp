@@ -18,7 +18,7 @@ const Info& info() {
       "Grahn 1991, J. Terramechanics 28:339",
       {{"m", "-", 0, -0.3, 0.5, 0.05, 0.05, Scale::linear, true, "exponent"}},
       "pressure",
-      {0, -1, -1, true, false, false, false, false, "sinkage falls with speed, forces hardly change"},
+      {0, 0, 1, true, false, false, false, false, "sinkage falls with speed (more than without the effect below an entry of 0.01 m/s, less above), forces hardly change"},
       {"slip_sinkage", "plate_scale"},
       "three speeds over a decade; plate tests at three rates"};
   return out;

@@ -18,7 +18,7 @@ const Info& info() {
       "Meirion-Griffith & Spenko 2011, J. Terramechanics 48:149 (small diameters)",
       {{"factor", "-", 1, 0.05, 20, 0.8, 0.3, Scale::linear, true, "k of the wheel over k of the plate"}},
       "pressure",
-      {-1, 1, 1, false, false, false, false, false, "one factor on k in all runs: only a plate test disagrees"},
+      {0, 0, 1, false, false, false, false, false, "one factor on k in all runs: only a plate test disagrees"},
       {"gravity", "hard_layer"},
       "two wheel diameters or plate sizes"};
   return out;

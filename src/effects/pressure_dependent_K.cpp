@@ -12,11 +12,11 @@ const Info& info() {
                         Class::shear,
                         "shear modulus that grows with pressure",
                         "The displacement needed to mobilise shear grows with the normal stress.",
-                        "K = K0 (1 + kappa sigma/10 kPa)",
+                        "K = K0 (1 + kappa sigma/10 kPa), at least K0/20",
                         "linear form constructed here; Senatore & Iagnemma 2011 (ISTVS) on K and pressure",
                         {{"kappa", "-", 0, -0.5, 20, 0.5, 0.5, Scale::linear, true, "relative growth of K at 10 kPa"}},
                         "shear",
-                        {-1, -1, 1, false, false, false, false, false,
+                        {-1, -1, 0, false, false, false, false, false,
                          "the rise of pull and torque at low slip is slower under heavy load"},
                         {"shear_rate", "peak_shear"},
                         "three loads at slips of 0.02 to 0.2; a shear box at three stresses"};

@@ -18,7 +18,7 @@ const Info& info() {
       "Ishigami, Miwa, Nagatani & Yoshida 2007, J. Field Robotics 24:233",
       {{"lambda", "-", 0, 0, 1.5, 0.1, 0.2, Scale::linear, true, "height of rear contact over sinkage"}},
       "contact geometry",
-      {1, 1, -1, false, false, false, false, false,
+      {1, 0, -1, false, false, false, false, false,
        "pull up by an almost constant amount and sinkage down at every slip; torque nearly the same"},
       {"plate_scale", "unloading", "slip_sinkage"},
       "rut depth behind the wheel; unloading the plate"};

@@ -14,12 +14,11 @@ const Info& info() {
       "run-in",
       "The rut and the heap in front take a distance to form: sinkage and forces approach their steady "
       "value over more than a contact length.",
-      "c, tan(phi), k: x [1 - exp(-x_rim/length)/2 (strength), 1 + exp(-x_rim/length)/2 (k)], x_rim the "
-      "rim's path",
+      "c and tan(phi) times 1 - e/2, k times 1 + e/2, e = exp(-x_rim/length), x_rim = r psi the rim's path",
       "constructed here, after the non-stationary start of single-wheel runs",
       {{"length", "m", 0, 0, 3, 0.1, 0.1, Scale::linear, true, "rim travel over which it settles"}},
       "pressure and shear, by travel",
-      {0, 0, 0, false, false, false, true, false, "drift from the start of each run that ends with the distance"},
+      {0, 0, 0, false, false, false, true, true, "drift from the start of each run that ends with the distance"},
       {"sensor_drift", "density_gradient"},
       "longer runs; restart in the same rut"};
   return out;

@@ -13,7 +13,7 @@ const Info& info() {
       Class::shear,
       "shear-rate dependence",
       "Shear stress grows with the logarithm of the sliding velocity.",
-      "tau = tau [1 + lambda ln(1 + v_s/v0)]",
+      "tau = tau [1 + lambda ln(1 + v_s/v0)], at least 0",
       "logarithmic law constructed here; rate effects in wheel-soil shear",
       {{"lambda", "-", 0, -0.2, 0.5, 0.05, 0.05, Scale::linear, true, "relative growth per e-fold"},
        {"v0", "m/s", 0.002, 1e-5, 1, 0.002, 0.01, Scale::log, false, "sliding velocity at which it sets in"}},

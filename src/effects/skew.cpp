@@ -14,9 +14,10 @@ const Info& info() {
       "skew (slip angle)",
       "The wheel points a little across the travel: shear is shared between forward and sideways, and the "
       "side force has a part along the rail.",
-      "j_y = r (1 - s)(theta_f - theta) tan(beta); tau along j; DP = DP cos(beta) - |F_y| sin(beta)",
+      "j_y = r (1 - s)(theta_f - theta) tan(beta), the share j/|(j, j_y)| of tau drives, the share j_y/|(j, j_y)| across it "
+      "gives F_y, and DP = DP - |F_y| sin(beta) (cos(beta) taken as 1)",
       "Ishigami et al. 2007, J. Field Robotics 24:233 (lateral displacement)",
-      {{"angle", "rad", 0, 0, 0.6, 0.05, 0.05, Scale::linear, true, "between heading and travel"}},
+      {{"angle", "rad", 0, 0, 0.35, 0.05, 0.05, Scale::linear, true, "between heading and travel"}},
       "shear and wedge forces",
       {-1, -1, 0, false, false, false, false, false, "small loss of pull, growing with load; a side force"},
       {"slope", "bulldozing"},

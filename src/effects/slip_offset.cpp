@@ -14,11 +14,11 @@ const Info& info() {
       "slip offset",
       "The radius or a speed is not what the slip was computed from (a tyre of another rolling radius, lugs "
       "that carry, an encoder's scale): every slip is shifted.",
-      "s' = s + ds",
+      "s' = min(s + ds, 1)",
       "kinematics; Wong & Reece 1967 for s",
       {{"ds", "-", 0, -0.3, 0.3, 0.03, 0.03, Scale::linear, true, "what the soil sees more than the commanded slip"}},
       "contact geometry",
-      {1, 1, 0, false, false, false, false, false,
+      {1, 1, 1, false, false, false, false, false,
        "follows the slope of the curves over slip: largest near zero slip, gone on the plateau"},
       {"peak_shear", "grousers", "pressure_dependent_K"},
       "points of zero torque and of zero pull on a hard floor; slips below 0.1"};

@@ -18,8 +18,8 @@ const Info& info() {
       "Ding et al. 2011, J. Terramechanics 48:27 (exponent that changes with slip)",
       {{"n1", "-", 0, -0.3, 2, 0.35, 0.4, Scale::linear, true, "growth of the exponent with slip"}},
       "pressure",
-      {-1, 1, 1, false, false, false, false, false,
-       "sinkage rises convexly with slip, pull falls at high slip, torque hardly changes"},
+      {0, 0, 1, false, false, false, false, false,
+       "sinkage rises with slip, more than in proportion; pull falls at high slip, torque rises a little"},
       {"rear_contact", "penetration_rate", "run_in"},
       "five slips or more up to 0.5 and beyond, with a known sinkage datum"};
   return out;

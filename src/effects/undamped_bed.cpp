@@ -13,7 +13,7 @@ const Info& info() {
       Class::numerics,
       "ringing of an undamped bed",
       "A simulated bed of springs without damping rings with the wheel's mass.",
-      "z = z + 0.02 z cos(2 pi f t)",
+      "z = z + 0.02 z sin(2 pi f t)",
       "artefact of undamped terrains; size constructed here",
       {{"frequency", "Hz", 0, 0, 1000, 20, 20, Scale::linear, true, "sqrt(k_t/m)/(2 pi)"}},
       "numerics, by time",
@@ -29,7 +29,7 @@ class UndampedBed final : public Effect {
   bool measures() const override { return true; }
   void measure(const Sample& m, Reading& r, SensorState&) const override {
     if (m.context.phase_average) return;
-    r.sinkage += 0.02 * m.context.sinkage * std::cos(2.0 * std::numbers::pi * p(0) * m.time);
+    r.sinkage += 0.02 * m.context.sinkage * std::sin(2.0 * std::numbers::pi * p(0) * m.time);
   }
 };
 

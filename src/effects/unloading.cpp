@@ -14,12 +14,13 @@ const Info& info() {
       "elastic unloading and reloading",
       "Unloaded soil springs back along a stiff line, so the wheel touches behind its lowest point by the "
       "rebound.",
-      "p = p_u - (k0 + A_u z_u)(z_u - z); rebound z_e = p_u/(k0 + A_u z_u)",
+      "p = p_u - (k0 + A_u z_u)(z_u - z); rebound z_e = p_u/(k0 + A_u z), p_u = 1.5 W/(b r theta_f); lambda = min(z_e/z, 1.5) "
+      "in theta_r = -acos(1 - lambda z/r)",
       "Wong 1989, Theory of Ground Vehicles (form); k0, A_u named there",
-      {{"k0", "N/m^3", kInfinity, 1e4, 1e12, 2e6, 2e-6, Scale::inverse, true, "unloading stiffness at zero sinkage"},
+      {{"k0", "N/m^3", kInfinity, 1e4, 1e12, 2e7, 1e-6, Scale::inverse, true, "unloading stiffness at zero sinkage"},
        {"A_u", "N/m^4", 0, 0, 1e12, 0, 1e8, Scale::linear, false, "its growth with the sinkage before unloading"}},
       "contact geometry; state of nodes",
-      {1, 1, -1, false, false, false, false, false,
+      {1, 0, -1, false, false, false, false, false,
        "as contact behind the lowest point, by an amount that the plate test gives"},
       {"rear_contact"},
       "unload and reload a plate; repeated passes"};

@@ -18,7 +18,7 @@ const Info& info() {
       {{"gain", "-", 0, -0.5, 10, 0.5, 0.5, Scale::linear, true, "relative stiffening at the wall"},
        {"length", "m", 0.1, 0.01, 1, 0.08, 0.1, Scale::log, false, "over which it decays"}},
       "pressure, by position",
-      {0, 0, 0, false, false, true, false, false, "less sinkage near both ends, the same in every run"},
+      {0, 0, -1, false, false, true, false, false, "less sinkage near both ends, the same in every run"},
       {"density_gradient", "run_in"},
       "start elsewhere in the bin; measure beyond three widths from the walls"};
   return out;

@@ -12,10 +12,10 @@ const Info& info() {
       "wheel_flexibility",
       Class::wheel,
       "elastic wheel",
-      "A wheel or tyre that flattens under load touches along a larger arc: the substitute circle grows "
-      "with the deflection over the sinkage.",
-      "r* = r (1 + f/z), f = W/stiffness",
-      "after the substitute circle of Harnisch et al. 2005; first order in f/z, constructed here",
+      "A wheel or tyre that flattens under load touches along a longer and flatter arc, as a larger rigid "
+      "wheel would.",
+      "r* = r (1 + min(f/z, 3)), f = W/stiffness: r* has at depth z the chord that r has at z + f",
+      "substitute circle, an idea of Harnisch et al. 2005 (from memory); this circle is constructed here",
       {{"stiffness", "N/m", kInfinity, 1e2, 1e9, 2e5, 1e-5, Scale::inverse, true, "radial stiffness of the wheel"}},
       "contact geometry",
       {1, 1, -1, false, false, false, false, false,
