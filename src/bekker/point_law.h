@@ -91,6 +91,12 @@ class StressModifier {
   virtual void traction(const Context&, const Point&, const LocalSoil&, Stress&) const {}
 };
 
+// Rankine's coefficient of passive earth pressure, tan^2(45 deg + phi/2) = (tan(phi) + 1/cos(phi))^2 [-].
+inline double passive_pressure_coefficient(double tan_phi) {
+  const double root = tan_phi + std::sqrt(1.0 + tan_phi * tan_phi);
+  return root * root;
+}
+
 // Pressure under a point at effective sinkage z >= 0 by a law of its own name; see pressure_laws.h.
 class PressureLaw {
  public:
@@ -136,19 +142,30 @@ inline Stress stress_at(const LocalSoil& base, const PointLaw& law, const Contex
     out.tau = (base.cohesion + out.sigma * base.tan_phi) * janosi_mobilised(base, point.shear_displacement);
     return out;
   }
+  // Which hooks each modifier has, asked once for the point.
+  constexpr std::size_t kRemembered = 16;
+  unsigned remembered[kRemembered];
+  unsigned any = 0;
+  const std::size_t count = law.modifiers.size();
+  for (std::size_t i = 0; i < count; ++i) {
+    const unsigned mask = law.modifiers[i]->hooks();
+    if (i < kRemembered) remembered[i] = mask;
+    any |= mask;
+  }
+  const auto each = [&](StressModifier::Hook hook, const auto& act) {
+    if (!(any & hook)) return;
+    for (std::size_t i = 0; i < count; ++i)
+      if ((i < kRemembered ? remembered[i] : law.modifiers[i]->hooks()) & hook) act(*law.modifiers[i]);
+  };
   LocalSoil soil = base;
-  for (const StressModifier* m : law.modifiers)
-    if (m->hooks() & StressModifier::kSoil) m->soil(context, point, soil);
+  each(StressModifier::kSoil, [&](const StressModifier& m) { m.soil(context, point, soil); });
   out.sigma = law.pressure_law ? law.pressure_law->pressure(soil, context, point.sinkage) : power_law_pressure(soil, point.sinkage);
-  for (const StressModifier* m : law.modifiers)
-    if (m->hooks() & StressModifier::kPressure) out.sigma = m->pressure(context, point, soil, out.sigma);
+  each(StressModifier::kPressure, [&](const StressModifier& m) { out.sigma = m.pressure(context, point, soil, out.sigma); });
   const double mobilised = law.shear_law ? law.shear_law->mobilised(soil, point.shear_displacement)
                                          : janosi_mobilised(soil, point.shear_displacement);
   out.tau = (soil.cohesion + out.sigma * soil.tan_phi) * mobilised;
-  for (const StressModifier* m : law.modifiers)
-    if (m->hooks() & StressModifier::kShear) out.tau = m->shear(context, point, soil, out.sigma, out.tau);
-  for (const StressModifier* m : law.modifiers)
-    if (m->hooks() & StressModifier::kTraction) m->traction(context, point, soil, out);
+  each(StressModifier::kShear, [&](const StressModifier& m) { out.tau = m.shear(context, point, soil, out.sigma, out.tau); });
+  each(StressModifier::kTraction, [&](const StressModifier& m) { m.traction(context, point, soil, out); });
   return out;
 }
 

@@ -49,7 +49,9 @@ enum class SkidShear {
 
 struct SteadyOptions {
   SkidShear skid_shear = SkidShear::as_printed;
-  double tolerance = 1e-9;  // of forces relative to the load, of torque relative to load times radius
+  // Of forces relative to the load, of torque relative to load times radius; with modifiers the integrals may err by a
+  // thousand times as much.
+  double tolerance = 1e-9;
 };
 
 struct SteadyState {

@@ -26,6 +26,7 @@
   X(validate)               \
   X(schema)                 \
   X(completion)             \
+  X(effects)                \
   X(man)
 
 namespace terrode::cli {

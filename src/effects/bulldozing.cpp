@@ -32,7 +32,7 @@ class Bulldozing final : public Effect {
   void traction(const bekker::Context&, const bekker::Point& q, const bekker::LocalSoil& s,
                 bekker::Stress& out) const override {
     if (q.theta <= 0) return;
-    const double n_phi = std::pow(std::tan(0.25 * std::numbers::pi + 0.5 * std::atan(s.tan_phi)), 2);
+    const double n_phi = bekker::passive_pressure_coefficient(s.tan_phi);
     out.drag += p(0) * (s.unit_weight * q.depth * n_phi + 2.0 * s.cohesion * std::sqrt(n_phi)) * q.sin_theta;
   }
 };

@@ -97,6 +97,23 @@ EffectSet::EffectSet(const std::map<std::string, std::map<std::string, double>>&
   throw_if_any(problems);
 }
 
+EffectSet EffectSet::for_ground() const {
+  EffectSet out;
+  for (const auto& e : effects_) {
+    if (e->carried_by_rig()) continue;
+    if (e->hooks()) out.modifiers_.push_back(e.get());
+    out.effects_.push_back(e);
+  }
+  return out;
+}
+
+bekker::ContactShape EffectSet::carried_by_rig(const bekker::Context& context) const {
+  bekker::ContactShape shape{context.radius, context.slip, context.normal_load, 0.0};
+  for (const auto& e : effects_)
+    if (e->carried_by_rig()) e->contact(context, shape);
+  return shape;
+}
+
 bool EffectSet::has_bed() const {
   for (const auto& e : effects_)
     if (e->has_bed()) return true;

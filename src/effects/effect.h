@@ -102,6 +102,8 @@ class Effect : public bekker::StressModifier {
   bool is_null() const;
 
   unsigned hooks() const override { return 0; }
+  // True for what a simulated rig does itself, by the load and the slip that it gives the wheel: the ground leaves it out.
+  virtual bool carried_by_rig() const { return false; }
   virtual double bed_height(double /*x*/) const { return 0.0; }  // m, added to the ground's height
   virtual bool has_bed() const { return false; }
   virtual void quasi_static(const Sample&, Reading&) const {}
@@ -143,6 +145,11 @@ class EffectSet {
 
   // The soil and wheel parts, for bekker::PointLaw; valid while this set or a copy of it lives.
   std::span<const bekker::StressModifier* const> modifiers() const { return modifiers_; }
+
+  // Those that a ground under a simulated rig applies: all but what the rig carries.
+  EffectSet for_ground() const;
+  // Load on the soil and slip that the soil sees when the rig has `context`, by the effects that a rig carries.
+  bekker::ContactShape carried_by_rig(const bekker::Context& context) const;
 
   bool has_bed() const;
   double bed_height(double x) const;                                // m, sum of all

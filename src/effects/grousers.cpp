@@ -35,7 +35,7 @@ class Grousers final : public Effect {
   unsigned hooks() const override { return kTraction; }
   void traction(const bekker::Context& c, const bekker::Point& q, const bekker::LocalSoil& s,
                 bekker::Stress& out) const override {
-    const double n_phi = std::pow(std::tan(0.25 * std::numbers::pi + 0.5 * std::atan(s.tan_phi)), 2);
+    const double n_phi = bekker::passive_pressure_coefficient(s.tan_phi);
     const double face = n_phi * (0.5 * s.unit_weight * (q.depth + p(0)) + 0.06 * out.sigma) +
                         2.0 * s.cohesion * std::sqrt(n_phi) + 0.4 * s.k * std::pow(p(0) / s.plate_width, s.n);
     const double a = std::isfinite(c.slip) ? 1.0 - std::exp(-std::abs(c.slip) / 0.1) : 1.0;

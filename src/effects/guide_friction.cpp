@@ -26,6 +26,7 @@ class GuideFriction final : public Effect {
  public:
   using Effect::Effect;
   unsigned hooks() const override { return kContact; }
+  bool carried_by_rig() const override { return true; }
   void contact(const bekker::Context&, bekker::ContactShape& shape) const override {
     if (!(shape.normal_load > p(0)))
       throw RunError(fmt::format("guide friction of {:.6g} N carries the whole load of {:.6g} N: nothing is left for the soil", p(0),

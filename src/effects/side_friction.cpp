@@ -31,7 +31,7 @@ class SideFriction final : public Effect {
                double tau) const override {
     const double base = s.cohesion + sigma * s.tan_phi;
     const double share = base > 0 ? tau / base : 0.0;
-    const double k0 = 1.0 - std::sin(std::atan(s.tan_phi));
+    const double k0 = 1.0 - s.tan_phi / std::sqrt(1.0 + s.tan_phi * s.tan_phi);
     return tau + p(0) * k0 * s.unit_weight * q.depth * q.depth * s.tan_phi * q.cos_theta / c.width * share;
   }
 };

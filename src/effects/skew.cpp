@@ -42,15 +42,17 @@ class Skew final : public Effect {
     const double resultant = std::hypot(j, jy);
     if (!(resultant > 0) || !std::isfinite(resultant)) return;
     const double tau = (s.cohesion + out.sigma * s.tan_phi) * (1.0 - std::exp(-resultant / s.shear_modulus));
-    out.drag += tau * (jy / resultant) * std::sin(p(0));
+    out.drag += tau * (jy / resultant) * sin_angle_;
   }
 
  private:
   double lateral(const bekker::Context& c, const bekker::Point& q) const {
     if (!std::isfinite(c.slip)) return 0.0;
     const double entry = std::acos(std::clamp(1.0 - c.sinkage / c.radius, -1.0, 1.0));
-    return c.radius * std::max(0.0, 1.0 - c.slip) * std::max(0.0, entry - q.theta) * std::tan(p(0));
+    return c.radius * std::max(0.0, 1.0 - c.slip) * std::max(0.0, entry - q.theta) * tan_angle_;
   }
+
+  double tan_angle_ = std::tan(p(0)), sin_angle_ = std::sin(p(0));
 };
 
 }  // namespace

@@ -29,6 +29,7 @@ class SlipOffset final : public Effect {
  public:
   using Effect::Effect;
   unsigned hooks() const override { return kContact; }
+  bool carried_by_rig() const override { return true; }
   void contact(const bekker::Context&, bekker::ContactShape& shape) const override {
     if (std::isfinite(shape.slip)) shape.slip = std::min(1.0, shape.slip + p(0));
   }

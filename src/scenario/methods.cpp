@@ -127,12 +127,14 @@ vehicle::SweepMethod make_method(const std::string& name, const Scenario& scenar
   if (name == "steady") {
     bekker::SteadyOptions options;
     options.skid_shear = skid_shear(scenario);
-    return vehicle::steady_method(scenario.wheel_size(), scenario.bekker_soil(), scenario.contact_angles(), *effects, {}, options);
+    return vehicle::steady_method(scenario.wheel_size(), scenario.bekker_soil(), scenario.contact_angles(), *effects, {}, options,
+                                  scenario.rig.travel);
   }
-  make_ground(name, scenario, *effects, settings);  // what is wrong with the ground is said before the first point
+  const auto in_ground = std::make_shared<const effects::EffectSet>(effects->for_ground());
+  make_ground(name, scenario, *in_ground, settings);  // what is wrong with the ground is said before the first point
   return vehicle::rig_method(
       name, rig_spec(scenario), rig_motion(scenario), std::make_shared<terrode::wheel::Wheel>(scenario.wheel_shape()),
-      [name, scenario, settings, effects](const recording::Condition&) { return make_ground(name, scenario, *effects, settings); },
+      [name, scenario, settings, in_ground](const recording::Condition&) { return make_ground(name, scenario, *in_ground, settings); },
       *effects, settings.observe);
 }
 

@@ -49,14 +49,4 @@ void apply_instruments(const effects::EffectSet& effects, const wheel::Rolling& 
   }
 }
 
-double load_on_soil(const effects::EffectSet& effects, double normal_load) {
-  bekker::Context context;
-  context.normal_load = normal_load;
-  bekker::ContactShape shape;
-  shape.normal_load = normal_load;
-  for (const bekker::StressModifier* m : effects.modifiers())
-    if (m->hooks() & bekker::StressModifier::kContact) m->contact(context, shape);
-  return shape.normal_load;
-}
-
 }  // namespace terrode::vehicle

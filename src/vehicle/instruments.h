@@ -11,7 +11,4 @@ namespace terrode::vehicle {
 // time. `run` needs the channels that a Rig gives.
 void apply_instruments(const effects::EffectSet& effects, const wheel::Rolling& rim, recording::Run& run);
 
-// The load that reaches the soil when a rig carries part of it [N].
-double load_on_soil(const effects::EffectSet& effects, double normal_load);
-
 }  // namespace terrode::vehicle

@@ -113,7 +113,7 @@ std::vector<recording::Condition> conditions_at(const std::vector<double>& slips
 
 SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& soil, const bekker::ContactAngles& angles,
                           const effects::EffectSet& effects, const bekker::PointLaw& law,
-                          const bekker::SteadyOptions& options) {
+                          const bekker::SteadyOptions& options, double travel) {
   struct Model {
     effects::EffectSet effects;
     std::vector<const bekker::StressModifier*> modifiers;
@@ -126,7 +126,7 @@ SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& so
   bekker::PointLaw whole = law;
   whole.modifiers = model->modifiers;
   model->wheel.emplace(wheel, soil, angles, whole, options);
-  const auto run = [model](const recording::Condition& c, const Progress&) {
+  const auto run = [model, travel](const recording::Condition& c, const Progress&) {
     bekker::Operating o;
     o.slip = c.slip;
     o.normal_load = c.normal_load.value_or(o.normal_load);
@@ -135,6 +135,10 @@ SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& so
     o.pass = c.pass;
     o.phase_average = true;
     const bekker::SteadyWheel& solver = *model->wheel;
+    o.travel_length = travel;
+    o.position = 0.5 * travel;
+    const double speed = solver.context(o).forward_velocity;
+    if (speed > 0.0) o.time = o.position / speed;
     const bekker::SteadyState s = solver.solve(o);
     const effects::Reading reading = effects::reading_of(solver, model->effects, o, s);
     PointResult out;
@@ -162,8 +166,12 @@ SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMo
     RigSpec s = spec;
     RigMotion m = motion;
     const double load = c.normal_load.value_or(s.normal_load);
-    s.normal_load = load_on_soil(effects, load);
-    m.slip = c.slip;
+    bekker::Context asked;
+    asked.slip = c.slip;
+    asked.normal_load = load;
+    const bekker::ContactShape given = effects.carried_by_rig(asked);
+    s.normal_load = given.normal_load;
+    m.slip = given.slip;
     m.angular_velocity = c.angular_velocity.value_or(m.angular_velocity);
     if (c.forward_velocity) m.forward_velocity = c.forward_velocity;
     if (std::isinf(c.slip) && c.slip < 0.0) m.angular_velocity = 0.0;
@@ -183,6 +191,11 @@ SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMo
     }
     out.run.condition = c;
     out.run.condition.normal_load = load;
+    // The recorded slip is the one computed from speeds and the believed radius.
+    if (given.slip != c.slip)
+      for (recording::Channel& channel : out.run.channels)
+        if (channel.name == "slip")
+          for (double& value : channel.values) value += c.slip - given.slip;
     apply_instruments(effects, *shape->rolling(), out.run);
     return out;
   };

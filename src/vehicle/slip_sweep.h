@@ -65,16 +65,17 @@ std::vector<recording::Condition> conditions_at(const std::vector<double>& slips
                                                 double angular_velocity, double radius);
 
 // The steady wheel as a method named `steady`. Steady values: drawbar_pull, driving_torque, sinkage, normal_load,
-// entry_angle, peak_angle, compaction_resistance. `effects` act on soil, wheel, bed and instruments; what else `law`
-// points to must outlive the method.
+// entry_angle, peak_angle, compaction_resistance. `effects` act on soil, wheel, bed and instruments; what varies along
+// the bed or in time is taken half way along `travel` [m]. What else `law` points to must outlive the method.
 SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& soil, const bekker::ContactAngles& angles,
                           const effects::EffectSet& effects = {}, const bekker::PointLaw& law = {},
-                          const bekker::SteadyOptions& options = {});
+                          const bekker::SteadyOptions& options = {}, double travel = 0.0);
 
 // The rig on a ground as a method. `ground` makes a fresh one for each point (called from several threads); load, speed
-// and slip of spec and motion are replaced by the condition's. Of `effects` the rig takes what acts on the load and on
-// the instruments; those of soil, wheel and bed are for `ground` to build in. A condition's pass above 1 runs the
-// earlier passes first, on the same ground from the same start. `observe` sees the last pass (Rig::set_observer).
+// and slip of spec and motion are replaced by the condition's. Of `effects` the rig takes what acts on load, slip and
+// instruments; those of soil, wheel and bed (EffectSet::for_ground) are for `ground` to build in. A condition's pass
+// above 1 runs the earlier passes first, on the same ground from the same start. `observe` sees the last pass
+// (Rig::set_observer).
 SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMotion& motion,
                        std::shared_ptr<const wheel::Body> shape,
                        std::function<std::unique_ptr<terrain::Terrain>(const recording::Condition&)> ground,

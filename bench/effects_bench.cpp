@@ -1,0 +1,61 @@
+// Time of a steady slip sweep of 50 conditions, plain and with three effects at a time; medians of nine rounds on one
+// core, both in this run, and their ratio. Prints every triple that is asked for and the slowest of all single effects.
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "effects/catalogue.h"
+
+using namespace terrode;
+
+namespace {
+
+double sweep_microseconds(const std::vector<std::string>& ids) {
+  std::map<std::string, std::map<std::string, double>> wanted;
+  for (const std::string& id : ids) wanted[id] = {};
+  const effects::EffectSet set(wanted);
+  const bekker::SteadyWheel wheel(effects::reference_wheel(), effects::reference_soil(), {}, {nullptr, nullptr, set.modifiers()});
+  std::array<double, 9> rounds{};
+  double sum = 0;
+  for (double& t : rounds) {
+    const auto start = std::chrono::steady_clock::now();
+    for (int i = 0; i < 50; ++i) {
+      bekker::Operating o = effects::reference_operating();
+      o.slip = -0.5 + 0.03 * (i % 48);
+      o.normal_load = 60.0 + 3.0 * i;
+      sum += effects::steady_reading(wheel, set, o).drawbar_pull;
+    }
+    t = 1e6 * std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  }
+  std::sort(rounds.begin(), rounds.end());
+  if (sum == 12345.678) std::printf(" ");
+  return rounds[rounds.size() / 2];
+}
+
+}  // namespace
+
+int main() {
+  const double plain = sweep_microseconds({});
+  std::printf("50 conditions, plain: %.0f us\n", plain);
+  const std::vector<std::vector<std::string>> triples = {{"slip_sinkage", "bulldozing", "slope"},
+                                                         {"slip_sinkage", "multi_pass", "bulldozing"},
+                                                         {"pressure_dependent_K", "shear_rate", "grousers"},
+                                                         {"rear_contact", "peak_shear", "sensor_drift"},
+                                                         {"penetration_rate", "hard_layer", "interface_friction"}};
+  for (const auto& t : triples)
+    std::printf("%s, %s, %s: %.2f times plain\n", t[0].c_str(), t[1].c_str(), t[2].c_str(), sweep_microseconds(t) / plain);
+  double slowest = 0;
+  std::string name;
+  for (const effects::EffectType& e : effects::all_effects()) {
+    const double ratio = sweep_microseconds({std::string(e.info->id)}) / plain;
+    if (ratio > slowest) {
+      slowest = ratio;
+      name = std::string(e.info->id);
+    }
+  }
+  std::printf("slowest effect by itself: %s, %.2f times plain\n", name.c_str(), slowest);
+}
