@@ -22,7 +22,7 @@ struct Material {
 struct Interaction {
   std::string normal = "hertz";        // none, hertz
   std::string tangential = "mindlin";  // none, mindlin (limit on the spring), mindlin_capped_sum (Eq. 18 as printed)
-  std::string rolling = "epsd";        // none, cdt, epsd, epsd2, epsd_capped_sum (Eq. 19 as printed)
+  std::string rolling = "epsd";        // none, cdt, epsd, epsd2 and others: dem/law/rolling.h
   std::string cohesion = "none";       // none, area
   double restitution = 0.4;            // -, e in (0, 1]
   double friction = 0.86;              // -, mu_c

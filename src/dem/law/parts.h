@@ -27,7 +27,8 @@ using NormalParts = Parts<NoNormal, HertzNormal>;
 using TangentialParts = Parts<NoTangential, MindlinTangential<false>, MindlinTangential<true>>;
 using RollingParts =
     Parts<NoRolling, ConstantTorque, SpringDashpotRolling<RollingForm::epsd>, SpringDashpotRolling<RollingForm::epsd2>,
-          SpringDashpotRolling<RollingForm::epsd_capped_sum>>;
+          SpringDashpotRolling<RollingForm::epsd_capped_sum>, SpringDashpotRolling<RollingForm::epsd, false>,
+          SpringDashpotRolling<RollingForm::epsd2, false>>;
 using CohesionParts = Parts<NoCohesion, AreaCohesion>;
 
 TERRODE_KERNEL int history_size(const PairLaw& law) {
