@@ -34,7 +34,7 @@ struct PairArrays {
 // exported[8 (slot - export_offset)...] instead of load[j].
 struct PairRun {
   int begin = 0, count = 0, law = 0;
-  bool external = false;
+  std::int32_t external = 0;  // 1: see above; no padding, so that equal states have equal bytes
   int export_offset = 0;
 };
 

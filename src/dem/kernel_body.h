@@ -169,6 +169,11 @@ static double drift(const DriftArrays& a, int begin, int end) {
     Four& f = *reinterpret_cast<Four*>(a.load + 8 * static_cast<long>(p));
     Four& t = *reinterpret_cast<Four*>(a.load + 8 * static_cast<long>(p) + 4);
     if (a.body[p] >= 0) continue;
+    if (a.body[p] != -1) {  // frozen
+      f = Four{0.0, 0.0, 0.0, 0.0};
+      t = Four{0.0, 0.0, 0.0, 0.0};
+      continue;
+    }
     const Four viscous = space * a.viscous * v;
     v += (((f - viscous) * v[3]) + g) * a.kick_dt * space;
     w += t * (w[3] * a.kick_dt);

@@ -27,6 +27,9 @@ struct Simulation::Chunk {
 
 namespace {
 
+// body_of_ of particles that belong to no body; members have the number of theirs.
+constexpr std::int32_t is_free = -1, is_frozen = -2;
+
 constexpr int max_materials = 8;
 constexpr std::int64_t check_interval = 200;  // steps between checks of energy and positions
 
@@ -40,6 +43,12 @@ std::uint64_t spread_bits(std::uint64_t x) {
 }
 
 double moment_of_inertia_factor() { return 0.4; }
+
+void require_density(double density) {
+  Problems problems;
+  require(problems, "density", density, "kg/m3", density > 0.0, "above 0");
+  throw_if_any(problems);
+}
 
 // Geometry and motion of a contact between two records (position, velocity, spin of four numbers each); d = x_i - x_j.
 void set_pair(Contact<double>& c, const Vec3& d, const double* xi, const double* vi, const double* wi, const double* xj,
@@ -197,7 +206,7 @@ void Simulation::remove_particles(const std::function<bool(const Vec3&, double)>
     const auto id = std::size_t(id_[p]);
     if (body_of_[p] < 0 && remove(Vec3(x[0], x[1], x[2]), x[3])) {
       slot_of_[id] = -1;
-      --free_count_;
+      if (body_of_[p] == is_free) --free_count_;
       continue;
     }
     if (kept != p) {
@@ -219,6 +228,56 @@ void Simulation::remove_particles(const std::function<bool(const Vec3&, double)>
   material_.resize(kept);
 }
 
+void Simulation::set_frozen(const std::function<bool(const Vec3&, double)>& freeze, double density) {
+  require_density(density);
+  bool changed = false;
+  for (std::size_t p = 0; p < id_.size(); ++p) {
+    if (body_of_[p] >= 0) continue;
+    const double r = position_[4 * p + 3];
+    const bool frozen = freeze(Vec3(position_[4 * p], position_[4 * p + 1], position_[4 * p + 2]), r);
+    if (frozen == (body_of_[p] == is_frozen)) continue;
+    if (!changed) invalidate_lists();
+    changed = true;
+    for (std::size_t k = 0; k < 3; ++k) velocity_[4 * p + k] = spin_[4 * p + k] = 0.0;
+    if (frozen) {
+      body_of_[p] = is_frozen;
+      velocity_[4 * p + 3] = spin_[4 * p + 3] = 0.0;
+      --free_count_;
+    } else {
+      const double mass = density * 4.0 / 3.0 * std::numbers::pi * r * r * r;
+      body_of_[p] = is_free;
+      velocity_[4 * p + 3] = 1.0 / mass;
+      spin_[4 * p + 3] = 1.0 / (moment_of_inertia_factor() * mass * r * r);
+      ++free_count_;
+    }
+  }
+  if (changed) checked_ = prepared_ = false;
+}
+
+void Simulation::for_each_grain(const std::function<void(const Vec3&, double)>& visit) const {
+  for (std::size_t p = 0; p < id_.size(); ++p)
+    if (body_of_[p] < 0)
+      visit(Vec3(position_[4 * p], position_[4 * p + 1], position_[4 * p + 2]), position_[4 * p + 3]);
+}
+
+int Simulation::contacts_of_body(int body) const {
+  if (!lists_valid_) return 0;
+  int count = 0;
+  for (const auto& chunk : chunks_) {
+    for (const WallCandidate& w : chunk->walls)
+      if (surfaces_[std::size_t(w.surface)].body == body && w.count > 0) ++count;
+    if (member_ids_[std::size_t(body)].empty()) continue;
+    for (const PairRun& run : chunk->runs)
+      for (int s = run.begin; s < run.begin + run.count; ++s) {
+        const auto i = std::size_t(chunk->pair_i[std::size_t(s)]), j = std::size_t(chunk->pair_j[std::size_t(s)]);
+        if (body_of_[i] != body && body_of_[j] != body) continue;
+        const double *xi = &position_[4 * i], *xj = &position_[4 * j];
+        if (nearest_image(Vec3(xi[0] - xj[0], xi[1] - xj[1], xi[2] - xj[2])).norm() < xi[3] + xj[3]) ++count;
+      }
+  }
+  return count;
+}
+
 void Simulation::set_drive(int body, std::function<void(double, Body&)> drive) {
   drives_[static_cast<std::size_t>(body)] = std::move(drive);
 }
@@ -226,7 +285,7 @@ void Simulation::set_drive(int body, std::function<void(double, Body&)> drive) {
 double Simulation::rayleigh_time() const {
   double least = 0.0;
   for (std::size_t p = 0; p < id_.size(); ++p) {
-    if (body_of_[p] >= 0) continue;
+    if (body_of_[p] != is_free) continue;
     const double r = position_[4 * p + 3];
     const double density = 1.0 / velocity_[4 * p + 3] / (4.0 / 3.0 * std::numbers::pi * r * r * r);
     const double t = dem::rayleigh_time(r, density, materials_[std::size_t(material_[p])]);
@@ -349,7 +408,7 @@ void Simulation::invalidate_lists() {
         if (any) carried_.push_back(pair);
       }
     for (const WallCandidate& w : chunk->walls)
-      if (w.count > 0) carried_walls_.push_back({id_[std::size_t(w.particle)], w});
+      if (w.count > 0) carried_walls_.push_back({id_[std::size_t(w.particle)], 0, w});
   }
 }
 
@@ -599,7 +658,7 @@ void Simulation::fill_inner(Chunk& chunk) {
   for (std::size_t g = 0; g < n_groups; ++g) {
     if (count[g] == 0) continue;
     const int blocks = (count[g] + block_size - 1) / block_size;
-    PairRun run{slots, count[g], static_cast<int>(g / 2), g % 2 == 1, 0};
+    PairRun run{slots, count[g], static_cast<int>(g / 2), static_cast<std::int32_t>(g % 2), 0};
     at[g] = slots;
     if (run.external) {
       run.export_offset = slots - exports;
@@ -677,7 +736,7 @@ void Simulation::wall_forces(Chunk& chunk) {
     std::copy_n(w.entry, n_old, old);
     for (int m = 0; m < n; ++m) {
       WallEntry& entry = w.entry[m];
-      entry = WallEntry{points[m].facet, {}};
+      entry = WallEntry{points[m].facet, 0, {}};
       for (int o = 0; o < n_old; ++o)
         if (old[o].facet == entry.facet) entry = old[o];
       const Vec3 normal = body.orientation * points[m].normal;
@@ -824,7 +883,7 @@ void Simulation::check_state() {
     throw RunError("energy is not a number after " + std::to_string(time_) + " s: the time step is too large");
   double heaviest = 0.0;
   for (std::size_t p = 0; p < id_.size(); ++p)
-    if (velocity_[4 * p + 3] > 0.0 && body_of_[p] < 0) heaviest = std::max(heaviest, 1.0 / velocity_[4 * p + 3]);
+    if (velocity_[4 * p + 3] > 0.0 && body_of_[p] == is_free) heaviest = std::max(heaviest, 1.0 / velocity_[4 * p + 3]);
   const double work = body_work_ - checked_work_;
   const double scale = e.kinetic() + e.normal_springs + e.tangential_springs;
   const double floor = heaviest * settings_.gravity.norm() * smallest_radius_;
@@ -842,7 +901,7 @@ void Simulation::check_state() {
 std::vector<int> Simulation::ids() const {
   std::vector<int> out;
   for (std::size_t id = 0; id < slot_of_.size(); ++id)
-    if (slot_of_[id] >= 0 && body_of_[std::size_t(slot_of_[id])] < 0) out.push_back(static_cast<int>(id));
+    if (slot_of_[id] >= 0 && body_of_[std::size_t(slot_of_[id])] == is_free) out.push_back(static_cast<int>(id));
   return out;
 }
 std::size_t Simulation::particle_count() const { return id_.size(); }
@@ -874,7 +933,7 @@ void Simulation::set_velocity(int id, const Vec3& velocity, const Vec3& spin) {
 void Simulation::scale_density(double factor) {
   if (!(factor > 0.0) || !std::isfinite(factor)) throw InputError("density factor must be above 0");
   for (std::size_t p = 0; p < id_.size(); ++p) {
-    if (body_of_[p] >= 0) continue;
+    if (body_of_[p] != is_free) continue;
     velocity_[4 * p + 3] /= factor;
     spin_[4 * p + 3] /= factor;
   }
@@ -928,7 +987,7 @@ void Simulation::visit_contacts(const Visit& visit) const {
 Energy Simulation::energy() const {
   Energy e;
   for (std::size_t p = 0; p < id_.size(); ++p) {
-    if (body_of_[p] >= 0) continue;
+    if (body_of_[p] != is_free) continue;
     const double *x = &position_[4 * p], *v = &velocity_[4 * p], *w = &spin_[4 * p];
     e.translation += 0.5 / v[3] * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
     e.rotation += 0.5 / w[3] * (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
@@ -948,8 +1007,8 @@ Energy Simulation::energy() const {
 double Simulation::coordination() const {
   double sum = 0.0;
   visit_contacts([&](int i, int j, const PairLaw&, Contact<double>&, std::array<double, max_history>&) {
-    if (body_of_[std::size_t(i)] < 0) sum += 1.0;
-    if (j >= 0 && body_of_[std::size_t(j)] < 0) sum += 1.0;
+    if (body_of_[std::size_t(i)] == is_free) sum += 1.0;
+    if (j >= 0 && body_of_[std::size_t(j)] == is_free) sum += 1.0;
   });
   return free_count_ > 0 ? sum / static_cast<double>(free_count_) : 0.0;
 }
@@ -975,7 +1034,7 @@ double Simulation::unbalanced_force() const {
   double mean_net = 0.0;
   std::size_t count = 0;
   for (std::size_t p = 0; p < id_.size(); ++p)
-    if (touched[p] && body_of_[p] < 0) {
+    if (touched[p] && body_of_[p] == is_free) {
       mean_net += (net[p] + settings_.gravity / velocity_[4 * p + 3]).norm();
       ++count;
     }
@@ -986,7 +1045,7 @@ double Simulation::unbalanced_force() const {
 double Simulation::total_mass() const {
   double m = 0.0;
   for (std::size_t p = 0; p < id_.size(); ++p)
-    if (body_of_[p] < 0) m += 1.0 / velocity_[4 * p + 3];
+    if (body_of_[p] == is_free) m += 1.0 / velocity_[4 * p + 3];
   return m;
 }
 
@@ -1120,6 +1179,10 @@ void Simulation::save(std::ostream& out) const {
 void Simulation::load(std::istream& in) {
   Reader reader{in};
   archive(reader);
+  if (id_.empty()) {
+    prepared_ = false;
+    return;
+  }
   const double skin = skin_;
   const bool valid = lists_valid_;
   lists_valid_ = false;  // prepare() must not take histories out of the lists it is about to keep

@@ -100,6 +100,13 @@ class Simulation {
   void add_members(int body, const std::vector<Member>& members, int material);
   // Removes particles (not clump members) for which the predicate on position and radius holds; ids stay.
   void remove_particles(const std::function<bool(const Vec3&, double)>& remove);
+  // Freezes the particles for which the predicate on position and radius holds, and thaws the others: frozen ones keep
+  // their place and touch free ones like a rough wall. `density` [kg/m3] gives thawed ones their mass back.
+  void set_frozen(const std::function<bool(const Vec3&, double)>& freeze, double density);
+  // Calls visit(position, radius) for every particle that is no member of a body, frozen or free.
+  void for_each_grain(const std::function<void(const Vec3&, double)>& visit) const;
+  // Grains that touched a body in the last step.
+  int contacts_of_body(int body) const;
   // Makes every step call `drive(time, body)` before the body moves, to set velocities and applied forces.
   void set_drive(int body, std::function<void(double, Body&)> drive);
 
@@ -168,11 +175,11 @@ class Simulation {
     SurfacePtr shape;
   };
   struct WallEntry {
-    int facet = -1;
-    double history[max_history];
+    std::int32_t facet = -1, unused = 0;  // no padding: equal states have equal bytes
+    double history[max_history] = {};
   };
   struct WallCandidate {
-    std::int32_t particle = 0, surface = 0, count = 0;
+    std::int32_t particle = 0, surface = 0, count = 0, unused = 0;
     WallEntry entry[max_surface_points];
   };
   struct CarriedPair {
@@ -180,7 +187,7 @@ class Simulation {
     double history[max_history];
   };
   struct CarriedWall {
-    std::int32_t id;
+    std::int32_t id, unused;
     WallCandidate candidate;
   };
   struct Incoming {

@@ -73,8 +73,8 @@ struct SpringDashpotRolling {
       z = z - along * c.nz;
     }
     const T size = square_root(x * x + y * y + z * z);
-    const auto yields = size > limit;
-    const T scale = select(yields, limit / larger(size, T(1e-300)), T(1.0));
+    const auto holds = size < limit;
+    const T scale = select(holds, T(1.0), limit / larger(size, T(1e-300)));
     m[0] = x * scale;
     m[1] = y * scale;
     m[2] = z * scale;
@@ -84,7 +84,7 @@ struct SpringDashpotRolling {
       c.mz = T(0.0) - m[2];
     } else {
       const T gr = T(2.0 * law.rolling_damping) * square_root(c.inertia_eff * kr);
-      const T dashpot = Form == RollingForm::epsd ? select(yields, T(0.0), gr) : gr;
+      const T dashpot = Form == RollingForm::epsd ? select(holds, gr, T(0.0)) : gr;
       T tx = m[0] + dashpot * c.wx, ty = m[1] + dashpot * c.wy, tz = m[2] + dashpot * c.wz;
       if constexpr (Form == RollingForm::epsd_capped_sum) {
         const T sum = square_root(tx * tx + ty * ty + tz * tz);

@@ -51,12 +51,12 @@ struct MindlinTangential {
       c.ftz = fz;
     } else {
       const T spring = c.kt * square_root(x * x + y * y + z * z);
-      const auto slides = spring > limit;
-      const T scale = select(slides, limit / larger(spring, T(1e-300)), T(1.0));
+      const auto sticks = spring < limit;  // never without friction
+      const T scale = select(sticks, T(1.0), limit / larger(spring, T(1e-300)));
       xi[0] = x * scale;
       xi[1] = y * scale;
       xi[2] = z * scale;
-      const T dashpot = select(slides, T(0.0), gt);
+      const T dashpot = select(sticks, gt, T(0.0));
       c.ftx = T(0.0) - c.kt * xi[0] - dashpot * c.vtx;
       c.fty = T(0.0) - c.kt * xi[1] - dashpot * c.vty;
       c.ftz = T(0.0) - c.kt * xi[2] - dashpot * c.vtz;

@@ -1,0 +1,78 @@
+// The soil tests on small coarse beds: that they run, and behave like soil. The paper's sizes are in
+// soil_tests_long_test.
+#include "dem/soil_tests.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+
+namespace terrode::dem {
+namespace {
+
+std::string cache() {
+  static const std::string folder =
+      (std::filesystem::temp_directory_path() / ("terrode_soil_" + std::to_string(::getpid()))).string();
+  return folder;
+}
+
+DirectShearSettings coarse_box() {
+  DirectShearSettings s;
+  s.soil.width = s.soil.length = 0.04;
+  s.soil.height = 0.04;
+  s.soil.sizes.smallest = 5e-3;
+  s.soil.sizes.largest = 7e-3;
+  s.rate = 0.05;
+  s.travel = 4e-3;
+  s.samples = 20;
+  s.seating = 0.05;
+  s.time_step = 2e-5;
+  s.cache = cache();
+  return s;
+}
+
+TEST(DirectShear, StressGrowsWithTheNormalStress) {
+  double late[2];
+  for (int k = 0; k < 2; ++k) {
+    DirectShearSettings s = coarse_box();
+    s.normal_stress = k == 0 ? 2080 : 8000;
+    const auto test = direct_shear(s);
+    ASSERT_EQ(test.shear_stress.size(), 21u);
+    EXPECT_NEAR(test.shear_displacement.back(), 4e-3, 1e-5);
+    late[k] = 0.0;
+    for (std::size_t q = 11; q < 21; ++q) late[k] += test.shear_stress[q] / 10;
+    EXPECT_GT(late[k], 0.2 * s.normal_stress);
+    EXPECT_LT(late[k], 2.0 * s.normal_stress);
+  }
+  EXPECT_GT(late[1], 1.5 * late[0]);  // few coarse grains, pushed fast: no friction angle can be read from these
+}
+
+TEST(PressureSinkage, PressureGrowsWithSinkage) {
+  PressureSinkageSettings s;
+  s.prism = coarse_box().soil;
+  s.prism.walls = false;
+  s.prism.height = 0.03;
+  s.tiles_x = s.tiles_y = 2;
+  s.plate_width = s.plate_length = 0.03;
+  s.rate = 0.1;
+  s.sinkage = 8e-3;
+  s.samples = 10;
+  s.cache = cache();
+  const auto test = pressure_sinkage(s);
+  ASSERT_GE(test.pressure.size(), 10u);
+  EXPECT_EQ(test.plate_width, 0.03);
+  EXPECT_GT(test.pressure.back(), 2.0 * test.pressure[2]);
+  s.plate_width = 1.0;
+  EXPECT_THROW(pressure_sinkage(s), InputError);
+}
+
+TEST(Scatter, MeanAndDeviationOfCurves) {
+  const CurveScatter s = scatter_of({{0, 1, 2}, {0, 2}}, {{0, 1, 2}, {0, 4}});
+  EXPECT_EQ(s.mean, (std::vector<double>{0, 1.5, 3}));
+  EXPECT_NEAR(s.deviation[2], std::sqrt(2.0), 1e-12);
+  EXPECT_THROW(scatter_of({}, {}), InputError);
+}
+
+}  // namespace
+}  // namespace terrode::dem
