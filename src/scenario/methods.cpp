@@ -7,6 +7,7 @@
 #include <map>
 #include <numbers>
 
+#include "scenario/dem_file.h"
 #include "terrain/node_spring.h"
 #include "terrain/surface.h"
 #include "wheel/wheel.h"
@@ -110,7 +111,8 @@ terrain::NodeSpringParams node_spring_params(const Scenario& s) {
 }
 
 std::unique_ptr<terrain::Terrain> make_ground(const std::string& method, const Scenario& scenario,
-                                              const effects::EffectSet& effects, const MethodSettings&) {
+                                              const effects::EffectSet& effects, const MethodSettings& settings) {
+  if (method == "dem") return particle_ground(scenario, effects, settings.threads);
   if (method == "node-spring") {
     bekker::PointLaw law;
     law.modifiers = effects.modifiers();
@@ -119,7 +121,7 @@ std::unique_ptr<terrain::Terrain> make_ground(const std::string& method, const S
     return std::make_unique<terrain::NodeSpringTerrain>(node_spring_params(scenario), law, surface);
   }
   throw InputError({scenario.file, 0, 0, "method", fmt::format("is '{}', which cannot be computed yet", method),
-                    "steady or node-spring"});
+                    "steady, node-spring or dem"});
 }
 
 vehicle::SweepMethod make_method(const std::string& name, const Scenario& scenario, const MethodSettings& settings) {
