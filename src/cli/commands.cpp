@@ -17,6 +17,7 @@
 #define TERRODE_COMMANDS(X) \
   X(run)                    \
   X(sweep)                  \
+  X(drive)                  \
   X(converge)               \
   X(diagnose)               \
   X(oscillation)            \
