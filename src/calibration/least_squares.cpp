@@ -7,6 +7,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 
 #include "core/problem.h"
@@ -110,6 +111,59 @@ LeastSquaresResult least_squares(const ResidualFunction& function, Eigen::Index 
   out.sum_of_squares = out.residuals.squaredNorm();
   if (!difference_jacobian(function, count, out.x, options.difference_step, out.jacobian)) out.converged = false;
   return out;
+}
+
+namespace {
+
+// Smallest sum of squares with parameter `index` held at `value`; infinity where the model cannot be evaluated.
+double profile_sum(const ResidualFunction& function, Eigen::Index count, Eigen::Index index, double value, const LeastSquaresOptions& options,
+                   Eigen::VectorXd& at) {
+  const Eigen::Index p = at.size();
+  Eigen::VectorXd full = at, rest(p - 1);
+  full[index] = value;
+  for (Eigen::Index i = 0, k = 0; i < p; ++i)
+    if (i != index) rest[k++] = at[i];
+  const auto compose = [&](const Eigen::VectorXd& x) {
+    for (Eigen::Index i = 0, k = 0; i < p; ++i)
+      if (i != index) full[i] = x[k++];
+  };
+  const ResidualFunction held = [&](const Eigen::VectorXd& x, Eigen::VectorXd& r) {
+    compose(x);
+    return function(full, r);
+  };
+  Eigen::VectorXd r(count);
+  if (!evaluate(function, full, r)) return std::numeric_limits<double>::infinity();
+  if (p == 1) return r.squaredNorm();
+  if (!evaluate(held, rest, r)) return std::numeric_limits<double>::infinity();
+  const LeastSquaresResult fit = least_squares(held, count, rest, options);
+  compose(fit.x);
+  at = full;
+  return fit.sum_of_squares;
+}
+
+}  // namespace
+
+std::pair<double, double> profile_interval(const ResidualFunction& function, const LeastSquaresResult& best, Eigen::Index index,
+                                           double standard_error, double t, double factor, const LeastSquaresOptions& options) {
+  LeastSquaresOptions coarse = options;
+  coarse.tolerance = std::max(options.tolerance, 1e-7);
+  const auto end = [&](double sign) {
+    Eigen::VectorXd at = best.x;
+    // The root of the profile is nearly straight, so that scaling the step finds its end in a few evaluations.
+    double steps = t, inside = 0.0, outside = 16.0 * t;
+    for (int i = 0; i < 12; ++i) {
+      const double sum = profile_sum(function, best.residuals.size(), index, best.x[index] + sign * steps * standard_error, coarse, at);
+      const double reached = std::sqrt(std::max(0.0, (sum - best.sum_of_squares) * factor));
+      if (std::abs(reached - t) < 5e-3 * t) break;
+      (reached < t ? inside : outside) = steps;
+      if (outside - inside < 1e-3 * outside) break;
+      double next = std::isfinite(reached) && reached > 0 ? steps * std::clamp(t / reached, 0.3, 3.0) : 0.5 * (inside + outside);
+      if (next <= inside || next >= outside) next = 0.5 * (inside + outside);
+      steps = next;
+    }
+    return best.x[index] + sign * steps * standard_error;
+  };
+  return {end(-1.0), end(1.0)};
 }
 
 Eigen::MatrixXd inverse_of_symmetric(const Eigen::MatrixXd& matrix, double relative) {

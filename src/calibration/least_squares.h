@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <utility>
 
 namespace terrode::calibration {
 
@@ -35,6 +36,13 @@ LeastSquaresResult least_squares(const ResidualFunction& function, Eigen::Index 
 // neither side can.
 bool difference_jacobian(const ResidualFunction& function, Eigen::Index count, const Eigen::VectorXd& x, double step,
                          Eigen::MatrixXd& jacobian);
+
+// Where the square root of the risen sum of squares, sqrt((S(x_i) - S_min) factor), reaches t on either side of the
+// solution, the other parameters minimised anew: a profile interval of x[index]. `standard_error` of x[index] sets the
+// scale of the search; an end more than 16 t of it away is given there.
+std::pair<double, double> profile_interval(const ResidualFunction& function, const LeastSquaresResult& best, Eigen::Index index,
+                                           double standard_error, double t, double factor = 1.0,
+                                           const LeastSquaresOptions& options = {});
 
 // Inverse of a symmetric positive semidefinite matrix; directions with eigenvalues below `relative` of the largest
 // (after scaling the diagonal to 1) are given that eigenvalue, so that what is not identified gets a huge variance, not

@@ -68,7 +68,8 @@ Curve averaged(const std::string& file, std::size_t test, std::span<const double
     px.swap(kx);
     py.swap(ky);
   }
-  const double lo = o.minimum_displacement, hi = std::min(largest, o.maximum_displacement);
+  const double lo = absolute_x ? 0.0 : o.minimum_sinkage;
+  const double hi = std::min(largest, absolute_x ? o.maximum_shear_displacement : o.maximum_sinkage);
   const auto bins = static_cast<std::size_t>(o.points);
   std::vector<double> sum_x(bins), sum_y(bins), count(bins);
   for (std::size_t i = 0; i < px.size(); ++i) {
@@ -153,7 +154,7 @@ struct FamilyFit {
   VectorXd theta;
   MatrixXd covariance;   // of theta
   MatrixXd naive;        // B^-1
-  double sum_of_squares = 0.0;
+  LeastSquaresResult minimum;
   std::vector<OwnFit> own;
   Eigen::Matrix2d between = Eigen::Matrix2d::Zero();
   double degrees_of_freedom = 1.0;
@@ -197,7 +198,7 @@ FamilyFit fit_family(Family& family, const VectorXd& start, const SoilTestOption
   const ResidualFunction f = family_residuals(family);
   const LeastSquaresResult fit = least_squares(f, family_size(family), start);
   out.theta = fit.x;
-  out.sum_of_squares = fit.sum_of_squares;
+  out.minimum = fit;
   out.converged = fit.converged;
   out.naive = inverse_of_symmetric(fit.jacobian.transpose() * fit.jacobian);
 
@@ -249,64 +250,6 @@ FamilyFit fit_family(Family& family, const VectorXd& start, const SoilTestOption
   return out;
 }
 
-// Smallest sum of squares with parameter `index` held at `value`.
-double profile_sum(const Family& family, const VectorXd& from, Eigen::Index index, double value, VectorXd& nuisance) {
-  const Eigen::Index p = from.size();
-  VectorXd full = from;
-  full[index] = value;
-  const ResidualFunction all = family_residuals(family);
-  if (p == 1) {
-    VectorXd r(family_size(family));
-    return all(full, r) ? r.squaredNorm() : std::numeric_limits<double>::infinity();
-  }
-  VectorXd rest(p - 1);
-  for (Eigen::Index i = 0, k = 0; i < p; ++i)
-    if (i != index) rest[k++] = nuisance[i];
-  const auto compose = [&](const VectorXd& x) {
-    for (Eigen::Index i = 0, k = 0; i < p; ++i)
-      if (i != index) full[i] = x[k++];
-  };
-  const ResidualFunction f = [&](const VectorXd& x, VectorXd& r) {
-    compose(x);
-    return all(full, r);
-  };
-  try {
-    LeastSquaresOptions coarse;
-    coarse.tolerance = 1e-7;
-    const LeastSquaresResult fit = least_squares(f, family_size(family), rest, coarse);
-    compose(fit.x);
-    nuisance = full;
-    return fit.sum_of_squares;
-  } catch (const RunError&) {
-    return std::numeric_limits<double>::infinity();
-  }
-}
-
-// Ends of the interval of theta[index]: where the scaled profile reaches t^2; an end more than 16 t standard errors away
-// is given there.
-std::pair<double, double> profile_interval(const Family& family, const FamilyFit& fit, Eigen::Index index, double t) {
-  const double se = std::sqrt(fit.covariance(index, index));
-  const double factor = fit.naive(index, index) / fit.covariance(index, index);
-  const auto end = [&](double sign) {
-    VectorXd nuisance = fit.theta;
-    // The root of the profile is nearly straight, so that scaling the step finds its end in a few evaluations.
-    double steps = t, inside = 0.0, outside = 16.0 * t;
-    for (int i = 0; i < 20; ++i) {
-      const double sum = profile_sum(family, fit.theta, index, fit.theta[index] + sign * steps * se, nuisance);
-      const double reached = std::sqrt(std::max(0.0, (sum - fit.sum_of_squares) * factor));
-      if (std::abs(reached - t) < 1e-3 * t) break;
-      if (reached < t) inside = steps;
-      else outside = steps;
-      if (outside - inside < 1e-3 * outside) break;
-      double next = std::isfinite(reached) && reached > 0 ? steps * std::clamp(t / reached, 0.3, 3.0) : 0.5 * (inside + outside);
-      if (next <= inside || next >= outside) next = 0.5 * (inside + outside);
-      steps = next;
-    }
-    return fit.theta[index] + sign * steps * se;
-  };
-  return {end(-1.0), end(1.0)};
-}
-
 void fill_curves(const Family& family, const FamilyFit& fit, std::vector<TestCurve>& out) {
   for (std::size_t c = 0; c < family.curves.size(); ++c) {
     const Curve& curve = family.curves[c];
@@ -344,7 +287,9 @@ void finish(Fit& fit, const Family& family, const FamilyFit& f, const std::vecto
       covariance(free[static_cast<std::size_t>(a)], free[static_cast<std::size_t>(b)]) = f.covariance(a, b);
   for (std::size_t a = 0; a < free.size(); ++a) {
     Estimate& e = fit.estimates[static_cast<std::size_t>(free[a])];
-    const auto [low, high] = profile_interval(family, f, static_cast<Eigen::Index>(a), t);
+    const auto index = static_cast<Eigen::Index>(a);
+    const auto [low, high] = profile_interval(family_residuals(family), f.minimum, index, std::sqrt(f.covariance(index, index)), t,
+                                              f.naive(index, index) / f.covariance(index, index));
     const bool log = e.coordinate == Coordinate::log;
     e.value = log ? std::exp(f.theta[static_cast<Eigen::Index>(a)]) : f.theta[static_cast<Eigen::Index>(a)];
     e.low = log ? std::exp(low) : low;
@@ -384,9 +329,10 @@ Problems SoilTestOptions::validate() const {
   require(out, "shape_repeatability", shape_repeatability, "-", shape_repeatability >= 0 && shape_repeatability < 2, "from 0 to 2");
   require(out, "repeatability_weight", repeatability_weight, "-", repeatability_weight > 0 && repeatability_weight <= 100,
           "above 0, at most 100");
-  require(out, "minimum_displacement", minimum_displacement, "m", minimum_displacement >= 0, "at least 0 m");
-  require(out, "maximum_displacement", maximum_displacement, "m", maximum_displacement > minimum_displacement,
-          "above minimum_displacement");
+  require(out, "minimum_sinkage", minimum_sinkage, "m", minimum_sinkage >= 0, "at least 0 m");
+  require(out, "maximum_sinkage", maximum_sinkage, "m", maximum_sinkage > minimum_sinkage,
+          "above minimum_sinkage");
+  require(out, "maximum_shear_displacement", maximum_shear_displacement, "m", maximum_shear_displacement > 0, "above 0 m");
   if (plate_width) require(out, "plate_width", *plate_width, "m", *plate_width > 0, "above 0 m");
   return out;
 }
@@ -1036,7 +982,21 @@ SoilTestFits fit_soil_tests(const recording::Recording& recording, const SoilTes
   SoilTestFits out;
   if (!recording.direct_shear.empty()) out.shear = fit_direct_shear(recording.direct_shear, options);
   if (!recording.pressure_sinkage.empty()) {
-    out.sinkage = fit_pressure_sinkage(recording.pressure_sinkage, options);
+    // Eq. 25 holds for one plate: of several sizes the one nearest to the wheel's width.
+    const double wheel_width = recording.wheel.width > 0 ? recording.wheel.width : recording.pressure_sinkage.front().plate_width;
+    double nearest = recording.pressure_sinkage.front().plate_width;
+    std::vector<double> widths;
+    for (const PressureSinkageTest& t : recording.pressure_sinkage) {
+      widths.push_back(t.plate_width);
+      if (std::abs(std::log(t.plate_width / wheel_width)) < std::abs(std::log(nearest / wheel_width))) nearest = t.plate_width;
+    }
+    std::vector<PressureSinkageTest> chosen;
+    for (const PressureSinkageTest& t : recording.pressure_sinkage)
+      if (std::abs(t.plate_width - nearest) <= 0.02 * nearest) chosen.push_back(t);
+    out.sinkage = fit_pressure_sinkage(chosen, options);
+    if (chosen.size() < recording.pressure_sinkage.size())
+      out.warnings.push_back({"plate_size", "k", fmt::format("of {} plate sizes, k and n are those of the plate of {:.3g} m, the nearest to the wheel's width", distinct(widths).size(), nearest),
+                              "the fit of kc and kphi shows how they change with the size"});
     std::vector<double> sizes;
     for (const PressureSinkageTest& t : recording.pressure_sinkage) sizes.push_back(bekker_size(t));
     if (distinct(sizes).size() > 1) out.moduli = fit_bekker_moduli(recording.pressure_sinkage, options);
@@ -1057,8 +1017,9 @@ SoilTestFits fit_soil_tests(const recording::Recording& recording, const SoilTes
   angles.a1 = recording.soil.a1.value_or(angles.a1);
   angles.theta_r = recording.soil.theta_r.value_or(angles.theta_r);
   if (use.radius > 0 && use.width > 0)
-    out.warnings = compare_with_wheel(use, angles, recording.pressure_sinkage, out.sinkage ? &*out.sinkage : nullptr, recording.direct_shear,
-                                      out.shear ? &*out.shear : nullptr);
+    for (Warning& w : compare_with_wheel(use, angles, recording.pressure_sinkage, out.sinkage ? &*out.sinkage : nullptr, recording.direct_shear,
+                                      out.shear ? &*out.shear : nullptr))
+      out.warnings.push_back(std::move(w));
   return out;
 }
 

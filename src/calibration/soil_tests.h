@@ -36,8 +36,9 @@ struct SoilTestOptions {
   double level_repeatability = 0.05;   // deviation of ln(stress level) between tests of the same soil
   double shape_repeatability = 0.10;   // of ln K, and of ln n
   double repeatability_weight = 2.0;   // degrees of freedom
-  double minimum_displacement = 0.0;   // m: what lies before is left out (seating of the plate)
-  double maximum_displacement = 1e9;   // m: what lies beyond is left out (sinkage or shear displacement)
+  double minimum_sinkage = 0.0;              // m: what a plate did before is left out (seating)
+  double maximum_sinkage = 1e9;              // m: what a plate did beyond is left out
+  double maximum_shear_displacement = 1e9;   // m: what a shear test did beyond is left out
   std::optional<double> plate_width;   // m: that k of sigma = k (z/plate_width)^n shall refer to; absent: the widest
 
   Problems validate() const;
@@ -170,7 +171,8 @@ struct SoilTestFits {
   std::vector<Warning> warnings;         // what concerns wheel and tests together
 };
 
-// All of the above for a recording. Tests that are absent leave their part empty.
+// All of the above for a recording. Tests that are absent leave their part empty. Of plates of several sizes, Eq. 25 is
+// fitted to those of the size nearest to the wheel's width.
 SoilTestFits fit_soil_tests(const recording::Recording& recording, const SoilTestOptions& options = {});
 
 // What a fit says in favour of a soil: values that are identified, as soil files hold them.

@@ -22,6 +22,7 @@
   X(diagnose)               \
   X(oscillation)            \
   X(compare)                \
+  X(calibrate)              \
   X(export)                 \
   X(view)                   \
   X(validate)               \
