@@ -102,14 +102,18 @@ LeastSquaresResult least_squares(const ResidualFunction& function, Eigen::Index 
   const int status = gsl_multifit_nlinear_driver(static_cast<std::size_t>(options.max_iterations), options.tolerance,
                                                  options.tolerance, 0.0, nullptr, nullptr, &info, work.get());
   out.iterations = static_cast<int>(gsl_multifit_nlinear_niter(work.get()));
-  out.converged = status == GSL_SUCCESS || status == GSL_ENOPROG;  // no progress: at the accuracy of the differences
+  // Out of steps, or none that gains: at rest where a full step would no longer change the sum of squares (below).
   const gsl_vector* best = gsl_multifit_nlinear_position(work.get());
   out.x = start;
   for (Eigen::Index i = 0; i < start.size(); ++i) out.x[i] = gsl_vector_get(best, static_cast<std::size_t>(i));
   out.residuals.resize(count);
   if (!evaluate(function, out.x, out.residuals)) throw RunError("least squares: the model cannot be evaluated at the solution");
   out.sum_of_squares = out.residuals.squaredNorm();
-  if (!difference_jacobian(function, count, out.x, options.difference_step, out.jacobian)) out.converged = false;
+  if (difference_jacobian(function, count, out.x, options.difference_step, out.jacobian)) {
+    const Eigen::VectorXd gradient = out.jacobian.transpose() * out.residuals;
+    const double gain = gradient.dot(inverse_of_symmetric(out.jacobian.transpose() * out.jacobian) * gradient);
+    out.converged = status == GSL_SUCCESS || gain <= 1e-4 * out.sum_of_squares;
+  }
   return out;
 }
 
