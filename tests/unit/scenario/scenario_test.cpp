@@ -1,4 +1,5 @@
 #include "scenario/scenario.h"
+#include "scenario/vehicle_file.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -149,7 +150,13 @@ TEST(Scenarios, ThoseOfTheRepositoryAreRead) {
   for (const auto& entry : fs::directory_iterator(fs::path(TERRODE_SOURCE_DIR) / "scenarios")) {
     if (entry.path().extension() != ".yaml") continue;
     ++count;
-    EXPECT_NO_THROW(load_scenario(entry.path().string())) << entry.path();
+    std::ifstream file(entry.path());
+    const std::string text((std::istreambuf_iterator<char>(file)), {});
+    if (text.find("\nvehicle:") != std::string::npos) {
+      EXPECT_NO_THROW(load_drive(entry.path().string())) << entry.path();
+    } else {
+      EXPECT_NO_THROW(load_scenario(entry.path().string())) << entry.path();
+    }
   }
   EXPECT_GE(count, 3u);
 }
