@@ -13,6 +13,7 @@
 #include "analysis/autoregression.h"
 #include "analysis/steady_state.h"
 #include "core/parallel.h"
+#include "core/statistics.h"
 
 namespace terrode::analysis {
 namespace {
@@ -48,13 +49,6 @@ double normal_deviate(double log_p) {
   if (log_p > -600.0) return gsl_cdf_ugaussian_Qinv(std::exp(log_p));
   const double a = -2.0 * log_p;
   return std::sqrt(a - std::log(kTwoPi) - std::log(a));
-}
-
-double median(std::vector<double> v) {
-  if (v.empty()) return std::numeric_limits<double>::quiet_NaN();
-  const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
-  std::nth_element(v.begin(), middle, v.end());
-  return *middle;
 }
 
 double spacing(const Spectrum& s) { return s.frequency.size() > 1 ? s.frequency[1] - s.frequency[0] : 1.0; }
@@ -194,7 +188,7 @@ std::vector<double> red_noise_background(const Spectrum& s, double step, std::si
       std::vector<double> values;
       for (std::size_t k = a; k <= b; ++k) values.push_back(s.density[k] / base[k]);
       knots.push_back(i);
-      level.push_back(median(values) / median_factor);
+      level.push_back(median(values, std::numeric_limits<double>::quiet_NaN()) / median_factor);
       if (i == hi) break;
     }
     at_lo = level.front();

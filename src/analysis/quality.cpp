@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "analysis/steady_state.h"
+#include "core/statistics.h"
 
 namespace terrode::analysis {
 namespace {
@@ -18,13 +19,6 @@ constexpr std::size_t kStuck = 12;         // samples
 constexpr double kOutlier = 8.0;           // robust deviations
 constexpr double kSlipDifference = 0.03;
 constexpr double kEnergyMargin = 0.02;     // of the larger power
-
-double median(std::vector<double> v) {
-  if (v.empty()) return 0.0;
-  const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
-  std::nth_element(v.begin(), middle, v.end());
-  return *middle;
-}
 
 class Checker {
  public:

@@ -11,6 +11,7 @@
 #include <numbers>
 
 #include "core/problem.h"
+#include "core/statistics.h"
 
 namespace terrode::analysis {
 namespace {
@@ -18,13 +19,6 @@ namespace {
 constexpr double kTwoPi = 2.0 * std::numbers::pi;
 constexpr double kLongGap = 0.1;     // of the series
 constexpr double kGapFactor = 1.75;  // a step this much longer than the median holds a missing sample
-
-double median(std::vector<double> v) {
-  if (v.empty()) return 0.0;
-  const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
-  std::nth_element(v.begin(), middle, v.end());
-  return *middle;
-}
 
 std::size_t power_of_two(std::size_t n) {
   std::size_t p = 1;

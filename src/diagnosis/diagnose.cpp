@@ -164,6 +164,15 @@ bool contains(const Hypothesis& h, const std::string& id) {
   return false;
 }
 
+// Coordinate at which a parameter is tried before it is fitted: what the start gives, else a strength a little off its
+// null value and a shape at its prior.
+double first_coordinate(const FitParameter& p, const Hypothesis::Member& member) {
+  const auto given = member.start.find(p.name);
+  double v = p.strength ? p.null_value + 0.1 * p.prior_deviation : p.prior_mean;
+  if (given != member.start.end()) v = to_coordinate(given->second, p.scale);
+  return std::clamp(v, p.lower, p.upper);
+}
+
 // Residuals at a fit with the directions of everything fitted there taken out.
 struct Projected {
   const Model& model;
@@ -177,15 +186,22 @@ struct Projected {
     r = m.residuals(t.hypothesis, t.fit);
   }
 
-  // Chi-square that moving to `f` along one direction would gain, to first order.
-  double score(const Hypothesis& h, const Fit& f) const {
+  // What moving to `f` changes in the residuals and nothing fitted can imitate; empty where that is less than `least` of it.
+  Eigen::VectorXd direction(const Hypothesis& h, const Fit& f, double least) const {
     const Eigen::VectorXd moved = model.residuals(h, f);
-    if (moved.size() != r.size()) return 0.0;
+    if (moved.size() != r.size()) return {};
     Eigen::VectorXd g = moved - r;
     const double whole = g.norm();
     g -= q * (q.transpose() * g);
     const double length = g.norm();
-    return length > 1e-9 && length > 1e-7 * whole ? std::pow(g.dot(r) / length, 2) : 0.0;
+    if (!(length > 1e-9 && length > least * whole)) return {};
+    return g;
+  }
+
+  // Chi-square that moving to `f` along one direction would gain, to first order.
+  double score(const Hypothesis& h, const Fit& f) const {
+    const Eigen::VectorXd g = direction(h, f, 1e-7);
+    return g.size() ? std::pow(g.dot(r) / g.norm(), 2) : 0.0;
   }
 };
 
@@ -194,7 +210,8 @@ double overdispersion(const Fit& f) {
   return std::max(1.0, f.chi2 / std::max(1.0, static_cast<double>(f.data - static_cast<int>(kBaseCount)) - static_cast<double>(f.extra.size())));
 }
 
-std::vector<double> run_means(const RunData& run, const std::array<std::vector<double>, kChannels>& predicted, std::size_t ch) {
+// Means of a settled run, recorded and predicted.
+std::array<double, 2> run_means(const RunData& run, const std::array<std::vector<double>, kChannels>& predicted, std::size_t ch) {
   double o = 0, p = 0, n = 0;
   for (std::size_t b = 0; b < run.bins.size(); ++b) {
     if (!run.steady && run.bins[b].time < 0.3 * run.bins.back().time) continue;
@@ -335,7 +352,6 @@ class Diagnoser {
       suspicious_ = "drawbar pull falls from negative to positive slip: its sign is the other way round";
       out_.remarks.push_back(suspicious_);
     }
-    bool zero[kChannels];
     for (std::size_t ch = 0; ch < kChannels; ++ch) {
       double top = 0;
       bool has = false;
@@ -343,8 +359,7 @@ class Diagnoser {
         has = has || r.has[ch];
         for (const double v : r.mean[ch]) top = std::max(top, std::abs(v));
       }
-      zero[ch] = has && top == 0;
-      if (zero[ch]) {
+      if (has && top == 0) {
         suspicious_ = fmt::format("{} is zero in every run", channel_name(static_cast<int>(ch)));
         out_.remarks.push_back(suspicious_);
       }
@@ -355,7 +370,6 @@ class Diagnoser {
     const Eigen::VectorXd believed = model_.base_of(campaign_.believed, campaign_.believed_angles);
     const Hypothesis none;
     model_.estimate_noise(believed);
-    Eigen::VectorXd best_start = believed;
     Fit best;
     best.chi2 = std::numeric_limits<double>::infinity();
     // Other starts where the belief is a guess or far off.
@@ -428,46 +442,30 @@ class Diagnoser {
   // Largest score over all effects, against its distribution where nothing is missing: directions of the effects after
   // those of the plain model are taken out, drawn jointly (max-T).
   void gate() {
-    const Eigen::MatrixXd j0 = model_.jacobian(plain_.hypothesis, plain_.fit);
-    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(j0);
-    const Eigen::MatrixXd q = qr.householderQ() * Eigen::MatrixXd::Identity(j0.rows(), j0.cols());
+    const Projected plain(model_, plain_);
     std::vector<Eigen::VectorXd> directions;
     for (std::size_t i = 0; i < named_; ++i) {
       const Hypothesis& h = starts_[i].front();
+      const Hypothesis::Member& member = h.effects.front();
       Fit f = plain_.fit;
       f.parameters = model_.parameters_of(h);
-      f.extra.clear();
       std::size_t strength = f.parameters.size();
       for (std::size_t k = 0; k < f.parameters.size(); ++k) {
-        const auto& given = h.effects[f.parameters[k].effect].start;
-        const auto found = given.find(f.parameters[k].name);
-        const effects::Scale scale = f.parameters[k].scale;
-        double v = f.parameters[k].prior_mean;
-        if (found != given.end()) v = scale == effects::Scale::log ? std::log(found->second) : scale == effects::Scale::inverse ? 1.0 / found->second : found->second;
-        if (f.parameters[k].strength) {
-          strength = k;
-          if (found == given.end()) v = f.parameters[k].null_value + 0.1 * f.parameters[k].prior_deviation;
-        }
-        f.extra.push_back(std::clamp(v, f.parameters[k].lower, f.parameters[k].upper));
+        if (f.parameters[k].strength) strength = k;
+        f.extra.push_back(first_coordinate(f.parameters[k], member));
       }
       if (strength == f.parameters.size()) continue;
-      const double size = f.extra[strength] - f.parameters[strength].null_value;
-      if (size == 0) continue;
-      const Eigen::VectorXd moved = model_.residuals(h, f);
-      const Eigen::VectorXd still = model_.residuals(plain_.hypothesis, plain_.fit);
-      if (moved.size() != still.size()) continue;
-      Eigen::VectorXd g = (moved - still) / size;
-      const double whole = g.norm();
-      g -= q * (q.transpose() * g);
-      const double left = g.norm();
-      const auto& info = *effects::find_effect(h.effects.front().id)->info;
-      const std::string key = h.effects.front().id + "." + f.parameters[strength].name;
-      if (left > 1e-9 && left > 1e-6 * whole) {
-        directions.push_back(g / left);
-        detect_.push_back({key, 1.0 / left, f.parameters[strength].scale, ""});
-        for (const effects::Parameter& p : info.parameters)
-          if (p.strength) detect_.back().unit = p.unit;
-      }
+      const FitParameter& p = f.parameters[strength];
+      const double size = f.extra[strength] - p.null_value;
+      const Eigen::VectorXd g = plain.direction(h, f, 1e-6);
+      if (size == 0 || !g.size()) continue;
+      const double length = g.norm();
+      // A strength below its null value points the other way.
+      directions.push_back(g / (size > 0 ? length : -length));
+      std::string unit;
+      for (const effects::Parameter& q : effects::find_effect(member.id)->info->parameters)
+        if (q.strength) unit = q.unit;
+      detect_.push_back({member.id + "." + p.name, std::abs(size) / length, p.scale, unit});
     }
     const auto n = static_cast<Eigen::Index>(directions.size());
     Eigen::MatrixXd c(n, n);
@@ -557,38 +555,46 @@ class Diagnoser {
     }
   }
 
+  // How a model that was fitted without a block predicts the means of that block's runs.
+  struct Fold {
+    bool solved = false;
+    std::array<double, kChannels> squares{};
+    std::array<int, kChannels> count{};
+  };
+  Fold fold(const Tried& t, const Hypothesis& h, const std::vector<char>& held, int iterations) const {
+    Fold out;
+    std::vector<char> use(held.size());
+    for (std::size_t r = 0; r < use.size(); ++r) use[r] = !held[r];
+    const Fit f = model_.fit(h, t.fit.base, {}, use, iterations);
+    if (!std::isfinite(f.chi2)) return out;
+    try {
+      const auto p = model_.predict(h, f);
+      for (std::size_t r = 0; r < use.size(); ++r)
+        for (std::size_t ch = 0; ch < kChannels; ++ch)
+          if (held[r] && campaign_.runs[r].has[ch]) {
+            const auto m = run_means(campaign_.runs[r], p[r], ch);
+            out.squares[ch] += std::pow(m[0] - m[1], 2);
+            ++out.count[ch];
+          }
+      out.solved = true;
+    } catch (const RunError&) {
+    }
+    return out;
+  }
+
   // Root mean square error of means of runs in blocks that were left out of the fit, by channel.
   std::array<double, kChannels> held_out(const Tried& t) const {
     const auto blocks = blocks_of(campaign_);
     const Hypothesis h = continued(model_, t);
-    std::vector<std::array<double, kChannels>> sums(blocks.size());
-    std::vector<std::array<int, kChannels>> counts(blocks.size());
-    parallel_for(blocks.size(), options_.threads, [&](std::size_t b) {
-      sums[b].fill(0);
-      counts[b].fill(0);
-      std::vector<char> use(campaign_.runs.size());
-      for (std::size_t r = 0; r < use.size(); ++r) use[r] = !blocks[b].second[r];
-      const Fit f = model_.fit(h, t.fit.base, {}, use, 6);
-      if (!std::isfinite(f.chi2)) return;
-      try {
-        const auto p = model_.predict(h, f);
-        for (std::size_t r = 0; r < use.size(); ++r)
-          for (std::size_t ch = 0; ch < kChannels; ++ch)
-            if (!use[r] && campaign_.runs[r].has[ch]) {
-              const auto m = run_means(campaign_.runs[r], p[r], ch);
-              sums[b][ch] += std::pow(m[0] - m[1], 2);
-              ++counts[b][ch];
-            }
-      } catch (const RunError&) {
-      }
-    });
+    std::vector<Fold> folds(blocks.size());
+    parallel_for(blocks.size(), options_.threads, [&](std::size_t b) { folds[b] = fold(t, h, blocks[b].second, 6); });
     std::array<double, kChannels> out{};
     for (std::size_t ch = 0; ch < kChannels; ++ch) {
       double s = 0;
       int n = 0;
-      for (std::size_t b = 0; b < blocks.size(); ++b) {
-        s += sums[b][ch];
-        n += counts[b][ch];
+      for (const Fold& f : folds) {
+        s += f.squares[ch];
+        n += f.count[ch];
       }
       out[ch] = n ? std::sqrt(s / n) : 0.0;
     }
@@ -607,14 +613,8 @@ class Diagnoser {
         const Hypothesis h = joined(from.hypothesis, start);
         Fit f = from.fit;
         f.parameters = model_.parameters_of(h);
-        for (std::size_t k = from.fit.parameters.size(); k < f.parameters.size(); ++k) {
-          const FitParameter& p = f.parameters[k];
-          const auto found = start.effects.front().start.find(p.name);
-          double v = p.strength ? p.null_value + 0.1 * p.prior_deviation : p.prior_mean;
-          if (found != start.effects.front().start.end())
-            v = p.scale == effects::Scale::log ? std::log(found->second) : p.scale == effects::Scale::inverse ? 1.0 / found->second : found->second;
-          f.extra.push_back(std::clamp(v, p.lower, p.upper));
-        }
+        for (std::size_t k = from.fit.parameters.size(); k < f.parameters.size(); ++k)
+          f.extra.push_back(first_coordinate(f.parameters[k], start.effects.front()));
         best = std::max(best, at.score(h, f));
       }
       out.emplace_back(best, i);
@@ -627,7 +627,7 @@ class Diagnoser {
   Tried fit_slots(const std::vector<std::size_t>& slots) const {
     Hypothesis h = continued(model_, singles_[slots.front()]);
     Eigen::VectorXd base = singles_[slots.front()].fit.base;
-    if (slots.size() == best_slots_size() + 1 && std::equal(slots.begin(), slots.end() - 1, slots_.begin())) {
+    if (slots.size() == slots_.size() + 1 && std::equal(slots.begin(), slots.end() - 1, slots_.begin())) {
       h = continued(model_, best_);
       base = best_.fit.base;
       std::vector<Hypothesis> starts;
@@ -637,7 +637,6 @@ class Diagnoser {
     for (std::size_t k = 1; k < slots.size(); ++k) h = joined(h, starts_[slots[k]].front());
     return best_of({h}, base, 25);
   }
-  std::size_t best_slots_size() const { return slots_.size(); }
 
   // Every other effect in the place of one member of the best explanation: the probability of each, given the others.
   Finding weigh(std::size_t slot) {
@@ -759,15 +758,13 @@ class Diagnoser {
 
   void decide() {
     const bool belief_fails = belief_fails_now();
-    bool ripple_effect = add_ripples();
+    const bool ripple_effect = add_ripples();
     const bool enough = campaign_.conditions.size() >= 4;
-    double listed_gain = something_off_ ? gain(best_.fit) : 0.0;
     Tried after = something_off_ ? best_ : plain_;
     bool unknown = false;
     if (something_off_) {
       unknown = nameless_wins(after);
-      listed_gain = gain(best_.fit);
-      if (!unknown && listed_gain <= out_.gate) something_off_ = false;
+      if (!unknown && gain(best_.fit) <= out_.gate) something_off_ = false;
     }
     std::vector<Finding> found;
     bool wide = false;
@@ -878,18 +875,11 @@ class Diagnoser {
     const Tried& t = alone ? singles_[top] : *more;
     const int ch = t.hypothesis.free_channel;
     free_form_ = fmt::format("{} changes by {:.3g} {} x {} x (normal_load/{:.4g} N)^{}{}", channel_name(ch), t.fit.extra.back(), channel_unit(ch),
-                             free_shape_text(t.hypothesis.free_shape), reference_load(), t.hypothesis.free_power,
+                             free_shape_text(t.hypothesis.free_shape), model_.reference_load(), t.hypothesis.free_power,
                              alone ? "" : ", beyond what " + best_.hypothesis.label() + " explains");
     out_.unexplained_fraction = std::clamp((cost(best_.fit) - cost(t.fit)) / std::max(1.0, cost(plain_.fit) - cost(t.fit)), 0.0, 1.0);
     after = t;
     return true;
-  }
-
-  double reference_load() const {
-    std::vector<double> loads;
-    for (const Condition& q : campaign_.conditions) loads.push_back(q.normal_load);
-    std::nth_element(loads.begin(), loads.begin() + static_cast<std::ptrdiff_t>(loads.size() / 2), loads.end());
-    return loads[loads.size() / 2];
   }
 
   // Lines in the series that have a cause of their own.
@@ -978,7 +968,6 @@ class Diagnoser {
         if (!same) continue;
         // The line decides among what the means leave open.
         if (f.ids.front() != r.ids.front()) {
-          const auto values = f.parameters;
           f.ids = r.ids;
           f.cls = r.cls;
           f.equation = r.equation;
@@ -1142,64 +1131,40 @@ class Diagnoser {
   // Both models fitted without a block, compared on it.
   void hold_out() {
     const auto blocks = blocks_of(campaign_);
-    std::vector<Block> out(blocks.size());
-    std::vector<std::array<double, 2 * kChannels>> squares(blocks.size());
-    std::vector<std::array<int, kChannels>> counts(blocks.size());
     const Hypothesis h = continued(model_, after_);
-    std::vector<char> good(blocks.size(), 0);
+    std::vector<Fold> before(blocks.size()), after(blocks.size());
     parallel_for(blocks.size(), options_.threads, [&](std::size_t b) {
-      std::vector<char> use(campaign_.runs.size());
-      for (std::size_t r = 0; r < use.size(); ++r) use[r] = !blocks[b].second[r];
-      const Fit fb = model_.fit(plain_.hypothesis, plain_.fit.base, {}, use, 12);
-      const Fit fa = model_.fit(h, after_.fit.base, {}, use, 12);
-      if (!std::isfinite(fb.chi2) || !std::isfinite(fa.chi2)) return;
-      std::vector<std::array<std::vector<double>, kChannels>> pb, pa;
-      try {
-        pb = model_.predict(plain_.hypothesis, fb);
-        pa = model_.predict(h, fa);
-      } catch (const RunError&) {
-        return;
-      }
-      squares[b].fill(0);
-      counts[b].fill(0);
-      for (std::size_t r = 0; r < use.size(); ++r) {
-        if (use[r]) continue;
-        for (std::size_t ch = 0; ch < kChannels; ++ch) {
-          if (!campaign_.runs[r].has[ch]) continue;
-          const auto x = run_means(campaign_.runs[r], pb[r], ch), y = run_means(campaign_.runs[r], pa[r], ch);
-          squares[b][ch] += std::pow(x[0] - x[1], 2);
-          squares[b][kChannels + ch] += std::pow(y[0] - y[1], 2);
-          ++counts[b][ch];
-        }
-        ++out[b].runs;
-      }
-      good[b] = 1;
+      before[b] = fold(plain_, plain_.hypothesis, blocks[b].second, 12);
+      after[b] = fold(after_, h, blocks[b].second, 12);
     });
     std::array<double, 2 * kChannels> total{};
     std::array<int, kChannels> n{};
     double best_ratio = 0;
     for (std::size_t b = 0; b < blocks.size(); ++b) {
-      if (!good[b]) continue;
-      out[b].name = blocks[b].first;
+      if (!before[b].solved || !after[b].solved) continue;
+      Block block;
+      block.name = blocks[b].first;
+      for (const char held : blocks[b].second) block.runs += held;
       double improvement = 0, weight = 0;
       for (std::size_t ch = 0; ch < kChannels; ++ch) {
-        if (!counts[b][ch]) continue;
-        out[b].before[ch] = std::sqrt(squares[b][ch] / counts[b][ch]);
-        out[b].after[ch] = std::sqrt(squares[b][kChannels + ch] / counts[b][ch]);
-        total[ch] += squares[b][ch];
-        total[kChannels + ch] += squares[b][kChannels + ch];
-        n[ch] += counts[b][ch];
+        const int count = before[b].count[ch];
+        if (!count) continue;
+        block.before[ch] = std::sqrt(before[b].squares[ch] / count);
+        block.after[ch] = std::sqrt(after[b].squares[ch] / count);
+        total[ch] += before[b].squares[ch];
+        total[kChannels + ch] += after[b].squares[ch];
+        n[ch] += count;
         const double floor = std::max(1e-12, out_.fit[ch].noise_floor);
-        improvement += std::log((out[b].before[ch] + floor) / (out[b].after[ch] + floor));
+        improvement += std::log((block.before[ch] + floor) / (block.after[ch] + floor));
         ++weight;
       }
       if (weight > 0 && std::abs(improvement) > best_ratio) {
         best_ratio = std::abs(improvement);
         out_.prediction_held = improvement > 0;
         out_.prediction = fmt::format("Fitted without {} ({} runs), the model with {} predicts those runs with a drawbar-pull error of {:.3g} N and a sinkage error of {:.3g} mm; without it {:.3g} N and {:.3g} mm.",
-                                      out[b].name, out[b].runs, after_.hypothesis.label(), out[b].after[0], 1e3 * out[b].after[2], out[b].before[0], 1e3 * out[b].before[2]);
+                                      block.name, block.runs, after_.hypothesis.label(), block.after[0], 1e3 * block.after[2], block.before[0], 1e3 * block.before[2]);
       }
-      out_.blocks.push_back(out[b]);
+      out_.blocks.push_back(std::move(block));
     }
     for (std::size_t ch = 0; ch < kChannels; ++ch)
       if (n[ch]) {

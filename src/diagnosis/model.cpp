@@ -10,6 +10,8 @@
 #include <numbers>
 #include <set>
 
+#include "core/statistics.h"
+
 namespace terrode::diagnosis {
 namespace {
 
@@ -26,13 +28,6 @@ bool acts_in_soil_tests(const std::string& id) {
   return ids.contains(id);
 }
 
-double to_coordinate(double p, effects::Scale scale) {
-  switch (scale) {
-    case effects::Scale::log: return std::log(p);
-    case effects::Scale::inverse: return std::isinf(p) ? 0.0 : 1.0 / p;
-    default: return p;
-  }
-}
 double from_coordinate(double x, effects::Scale scale) {
   switch (scale) {
     case effects::Scale::log: return std::exp(x);
@@ -51,12 +46,6 @@ struct Readings {  // of one condition, at one or kNodes times
   std::vector<double> time;
   std::vector<effects::Reading> at;
 };
-
-double median(std::vector<double> v) {
-  if (v.empty()) return 0.0;
-  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-  return v[v.size() / 2];
-}
 
 // Deviation of y about its own quadratic trend in x, times sqrt of the degrees of freedom lost.
 double deviation_about_trend(const std::vector<double>& x, const std::vector<double>& y) {
@@ -104,6 +93,14 @@ effects::Reading interpolate(const Readings& r, double t) {
 struct Model::SteadyCache {
   std::vector<Readings> readings;
 };
+
+double to_coordinate(double p, effects::Scale scale) {
+  switch (scale) {
+    case effects::Scale::log: return std::log(p);
+    case effects::Scale::inverse: return std::isinf(p) ? 0.0 : 1.0 / p;
+    default: return p;
+  }
+}
 
 int free_shape_count() { return 6; }
 const char* free_shape_text(int shape) {

@@ -26,6 +26,9 @@ struct FitParameter {
   double least;           // of scale `inverse`: coordinates below this count as the null
 };
 
+// The coordinate in which a parameter of this scale is fitted (ln p, 1/p or p itself).
+double to_coordinate(double value, effects::Scale scale);
+
 // One explanation: effects that are switched on, some parameters fixed (choices), the rest to fit.
 struct Hypothesis {
   struct Member {
@@ -73,6 +76,8 @@ class Model {
 
   const Campaign& campaign() const { return *campaign_; }
   const Noise& noise() const { return noise_; }
+  // W0 of the nameless term: the median load of the conditions [N].
+  double reference_load() const { return reference_load_; }
 
   // Base parameters for a soil and contact angles, with a usual start-up.
   Eigen::VectorXd base_of(const bekker::Soil& soil, const bekker::ContactAngles& angles) const;

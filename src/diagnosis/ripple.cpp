@@ -8,6 +8,8 @@
 #include <functional>
 #include <numbers>
 
+#include "core/statistics.h"
+
 namespace terrode::diagnosis {
 namespace {
 
@@ -18,12 +20,6 @@ struct Spectrum {
   const Condition* condition = nullptr;
   double rim_speed = 0, rim_force = 0;
 };
-
-double median_of(std::vector<double> v) {
-  if (v.empty()) return 0.0;
-  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-  return v[v.size() / 2];
-}
 
 bool spectrum_of(const Campaign& c, const RunData& run, double run_in_length, Spectrum& out) {
   if (run.time.size() < 64) return false;
@@ -83,7 +79,7 @@ bool spectrum_of(const Campaign& c, const RunData& run, double run_in_length, Sp
     for (std::ptrdiff_t i = 0; i < count; ++i) {
       if (i % 8 == 0) {
         const auto lo = std::clamp<std::ptrdiff_t>(i - half, 0, std::max<std::ptrdiff_t>(0, count - 2 * half)), hi = std::min(count, lo + 2 * half);
-        level = median_of({power.begin() + lo, power.begin() + hi}) / std::numbers::ln2;
+        level = median({power.begin() + lo, power.begin() + hi}) / std::numbers::ln2;
       }
       const auto e = static_cast<std::size_t>(i);
       out.ratio[ch][e] = level > 0 ? power[e] / level : 0.0;
@@ -146,10 +142,10 @@ void judge(RippleLine& line, const std::vector<Spectrum>& spectra) {
   // A law that few runs can show is no law of the campaign.
   line.score = used >= std::max(3, static_cast<int>(spectra.size()) / 3) ? total / used : 0.0;
   for (std::size_t ch = 0; ch < kChannels; ++ch) {
-    line.amplitude[ch] = median_of(amplitudes[ch]);
-    line.channel_score[ch] = median_of(ratios[ch]);
+    line.amplitude[ch] = median(amplitudes[ch]);
+    line.channel_score[ch] = median(ratios[ch]);
   }
-  line.relative = median_of(relative);
+  line.relative = median(relative);
 }
 
 }  // namespace
@@ -209,10 +205,10 @@ RippleSearch find_ripples(const Campaign& campaign, double run_in_length) {
       if (l.score > 0) scores.push_back(l.score);
     }
     if (scores.size() < 10) continue;
-    const double middle = median_of(scores);
+    const double middle = median(scores);
     std::vector<double> away;
     for (const double s : scores) away.push_back(std::abs(s - middle));
-    const double spread = std::max(1.4826 * median_of(away), 2.0 / std::sqrt(static_cast<double>(spectra.size())));
+    const double spread = std::max(1.4826 * median(away), 2.0 / std::sqrt(static_cast<double>(spectra.size())));
     RippleLine* best = nullptr;
     for (RippleLine& l : family)
       if (!best || l.score > best->score) best = &l;

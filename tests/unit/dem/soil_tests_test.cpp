@@ -7,30 +7,10 @@
 
 #include <cmath>
 #include <filesystem>
+#include "coarse_box.h"
 
 namespace terrode::dem {
 namespace {
-
-std::string cache() {
-  static const std::string folder =
-      (std::filesystem::temp_directory_path() / ("terrode_soil_" + std::to_string(::getpid()))).string();
-  return folder;
-}
-
-DirectShearSettings coarse_box() {
-  DirectShearSettings s;
-  s.soil.width = s.soil.length = 0.04;
-  s.soil.height = 0.04;
-  s.soil.sizes.smallest = 5e-3;
-  s.soil.sizes.largest = 7e-3;
-  s.rate = 0.05;
-  s.travel = 4e-3;
-  s.samples = 20;
-  s.seating = 0.05;
-  s.time_step = 2e-5;
-  s.cache = cache();
-  return s;
-}
 
 TEST(DirectShear, StressGrowsWithTheNormalStress) {
   double late[2];
