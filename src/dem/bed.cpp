@@ -81,6 +81,7 @@ void measure(Bed& bed) {
 }
 
 constexpr const char* bed_format = "terrode-bed/1";
+constexpr int preparation = 2;  // raised when the same recipe comes to give another bed, so that no old one is used
 
 }  // namespace
 
@@ -163,7 +164,7 @@ Problems BedRecipe::validate() const {
 }
 
 std::string BedRecipe::text() const {
-  std::string out = fmt::format("format {}\n", bed_format);
+  std::string out = fmt::format("format {}, preparation {}\n", bed_format, preparation);
   const auto number = [&](const char* key, double v) { out += fmt::format("{} {:.17g}\n", key, v); };
   number("width", width), number("length", length), number("height", height);
   out += fmt::format("sizes {} by {}\n", sizes.shape, sizes.by);

@@ -47,7 +47,8 @@ struct DriftArrays {
   double* load = nullptr;
   const std::int32_t* body = nullptr;
   double gravity[3] = {0.0, 0.0, 0.0};
-  double viscous = 0.0;  // N s/m, force -viscous v on every free particle
+  // N s/m, force -viscous v on every free particle, and torque -4/3 viscous R^2 w: the ratio of Stokes' drag.
+  double viscous = 0.0;
   double dt = 0.0, kick_dt = 0.0;
 };
 

@@ -17,6 +17,10 @@ TERRODE_KERNEL void add4(double* to, const double* from) {
   typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
   *reinterpret_cast<Four*>(to) += *reinterpret_cast<const Four*>(from);
 }
+TERRODE_KERNEL void copy4(double* to, const double* from) {
+  typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
+  *reinterpret_cast<Four*>(to) = *reinterpret_cast<const Four*>(from);
+}
 TERRODE_KERNEL void subtract4(double* to, const double* from) {
   typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
   *reinterpret_cast<Four*>(to) -= *reinterpret_cast<const Four*>(from);
@@ -37,6 +41,7 @@ template <class Evaluate>
 TERRODE_KERNEL void run_pairs(const PairArrays& a, const PairLaw& law, const PairRun& run,
                               const Evaluate& evaluate_law) {
   constexpr int W = Pack::width;
+  constexpr int ahead = 16;
   const int n_history = history_size(law);
   const bool periodic[3] = {a.period[0] > 0.0, a.period[1] > 0.0, a.period[2] > 0.0};
   alignas(64) double out_f[W * 4], out_ti[W * 4], out_tj[W * 4];
@@ -44,6 +49,15 @@ TERRODE_KERNEL void run_pairs(const PairArrays& a, const PairLaw& law, const Pai
   for (int s = run.begin; s < end; s += W) {
     const std::int32_t* pi = a.i + s;
     const std::int32_t* pj = a.j + s;
+    // Partners lie anywhere in the neighbourhood: fetched ahead.
+    if (s + ahead < end)
+      for (int k = 0; k < W; ++k) {
+        const long q = a.j[s + ahead + k];
+        __builtin_prefetch(a.position + 4 * q);
+        __builtin_prefetch(a.velocity + 4 * q);
+        __builtin_prefetch(a.spin + 4 * q);
+        if (!run.external) __builtin_prefetch(a.load + 8 * q, 1);
+      }
     Pack xi[4], xj[4];
     load_records(a.position, pi, xi);
     load_records(a.position, pj, xj);
@@ -71,15 +85,18 @@ TERRODE_KERNEL void run_pairs(const PairArrays& a, const PairLaw& law, const Pai
     load_records(a.spin, pj, wj);
 
     const Pack one(1.0);
-    const Pack distance = square_root(select(touch, r2, one));
-    const Pack inverse = one / distance;
+    const Pack square = select(touch, r2, one);
+    const Pack distance = square_root(square);
+    // One division, which does not wait for the root, gives the three reciprocals that a pair needs.
+    const Pack yielding = select(touch, vi[3] + vj[3], one);
+    const Pack all_inverse = one / (square * (reach * yielding));
+    const Pack inverse = all_inverse * (reach * yielding) * distance;
     c.nx = dx * inverse;
     c.ny = dy * inverse;
     c.nz = dz * inverse;
     c.overlap = select(touch, reach - distance, Pack(0.0));
-    const Pack inverse_reach = one / reach;
-    c.radius_eff = xi[3] * xj[3] * inverse_reach;
-    c.mass_eff = one / select(touch, vi[3] + vj[3], one);
+    c.radius_eff = xi[3] * xj[3] * (all_inverse * (square * yielding));
+    c.mass_eff = all_inverse * (square * reach);
     const Pack half(0.5);
     const Pack arm_i = xi[3] - half * c.overlap, arm_j = xj[3] - half * c.overlap;
     const Pack ux = vi[0] - vj[0], uy = vi[1] - vj[1], uz = vi[2] - vj[2];
@@ -104,6 +121,8 @@ TERRODE_KERNEL void run_pairs(const PairArrays& a, const PairLaw& law, const Pai
     evaluate_law(law, c, h);
     for (int k = 0; k < n_history; ++k) select(touch, h[k], Pack(0.0)).store(block + k * block_size);
 
+    // Lanes that do not touch have zero overlap, hence stiffness, limits and forces of zero: they add nothing, at no
+    // branch that would be guessed wrong.
     const Pack fx = c.fn * c.nx + c.ftx, fy = c.fn * c.ny + c.fty, fz = c.fn * c.nz + c.ftz;
     const Pack qx = c.ny * c.ftz - c.nz * c.fty, qy = c.nz * c.ftx - c.nx * c.ftz, qz = c.nx * c.fty - c.ny * c.ftx;
     const Pack zero(0.0);
@@ -114,19 +133,14 @@ TERRODE_KERNEL void run_pairs(const PairArrays& a, const PairLaw& law, const Pai
       double* exported = a.exported + 8 * static_cast<long>(s - run.export_offset);
       for (int k = 0; k < W; ++k) {
         double* e = exported + 8 * k;
-        if (on >> k & 1u) {
-          double* to = a.load + 8 * static_cast<long>(pi[k]);
-          add4(to, out_f + 4 * k);
-          add4(to + 4, out_ti + 4 * k);
-          for (int q = 0; q < 4; ++q) e[q] = out_f[4 * k + q];
-          for (int q = 0; q < 4; ++q) e[4 + q] = out_tj[4 * k + q];
-        } else {
-          for (int q = 0; q < 8; ++q) e[q] = 0.0;
-        }
+        double* to = a.load + 8 * static_cast<long>(pi[k]);
+        add4(to, out_f + 4 * k);
+        add4(to + 4, out_ti + 4 * k);
+        copy4(e, out_f + 4 * k);
+        copy4(e + 4, out_tj + 4 * k);
       }
     } else {
       for (int k = 0; k < W; ++k) {
-        if (!(on >> k & 1u)) continue;
         double* to = a.load + 8 * static_cast<long>(pi[k]);
         add4(to, out_f + 4 * k);
         add4(to + 4, out_ti + 4 * k);
@@ -161,6 +175,7 @@ static double drift(const DriftArrays& a, int begin, int end) {
   typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
   const Four g = {a.gravity[0], a.gravity[1], a.gravity[2], 0.0};
   const Four space = {1.0, 1.0, 1.0, 0.0};
+  const double viscous_spin = 4.0 / 3.0 * a.viscous;
   double fastest = 0.0;
   for (int p = begin; p < end; ++p) {
     Four& x = *reinterpret_cast<Four*>(a.position + 4 * static_cast<long>(p));
@@ -176,7 +191,7 @@ static double drift(const DriftArrays& a, int begin, int end) {
     }
     const Four viscous = space * a.viscous * v;
     v += (((f - viscous) * v[3]) + g) * a.kick_dt * space;
-    w += t * (w[3] * a.kick_dt);
+    w += (t - (viscous_spin * x[3] * x[3]) * (space * w)) * (w[3] * a.kick_dt);
     x += v * (space * a.dt);
     const Four v2 = v * v;
     const double speed2 = v2[0] + v2[1] + v2[2];

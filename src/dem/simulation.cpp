@@ -1,6 +1,7 @@
 #include "dem/simulation.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <istream>
@@ -22,13 +23,18 @@ struct Simulation::Chunk {
   std::vector<PairRun> runs;
   std::vector<Incoming> incoming;
   std::vector<WallCandidate> walls;
-  double fastest = 0.0;  // (m/s)^2
+  double fastest = 0.0;       // (m/s)^2
+  double wall_seconds = 0.0;  // of the last step
 };
 
 namespace {
 
 // body_of_ of particles that belong to no body; members have the number of theirs.
 constexpr std::int32_t is_free = -1, is_frozen = -2;
+
+double seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
 
 constexpr int max_materials = 8;
 constexpr std::int64_t check_interval = 200;  // steps between checks of energy and positions
@@ -106,6 +112,7 @@ Problems Settings::validate() const {
 Simulation::Simulation(const Settings& settings)
     : settings_(settings), kernels_(&kernels(settings.kernel.empty() ? nullptr : settings.kernel.c_str())) {
   throw_if_any(settings.validate());
+  for (int k = 0; k < 3; ++k) inverse_period_[k] = settings.period[k] > 0.0 ? 1.0 / settings.period[k] : 0.0;
   crew_ = std::make_unique<Crew>(settings.threads);
 }
 Simulation::~Simulation() = default;
@@ -302,12 +309,6 @@ void Simulation::set_time_step(double dt) {
 
 const PairLaw& Simulation::law(int a, int b) const {
   return laws_[static_cast<std::size_t>(a) * materials_.size() + static_cast<std::size_t>(b)];
-}
-
-Vec3 Simulation::nearest_image(Vec3 d) const {
-  for (int k = 0; k < 3; ++k)
-    if (settings_.period[k] > 0.0) d[k] -= settings_.period[k] * std::nearbyint(d[k] / settings_.period[k]);
-  return d;
 }
 
 void Simulation::prepare() {
@@ -548,7 +549,7 @@ void Simulation::build_outer(Chunk& chunk) {
       const Vec3 d = nearest_image(Vec3(xi[0], xi[1], xi[2]) - body.position);
       const double reach = xi[3] + skin_;
       if (surfaces_[s].shape->near(body.orientation.conjugate() * d, reach, points) == 0) continue;
-      WallCandidate w;
+      WallCandidate w{};
       w.particle = i;
       w.surface = static_cast<std::int32_t>(s);
       chunk.walls.push_back(w);
@@ -594,7 +595,7 @@ void Simulation::rebuild() {
   sort_particles();
   const auto n = static_cast<std::int32_t>(id_.size());
   // A function of the number of particles alone, so that sums do not depend on the number of threads.
-  const std::int32_t count = std::clamp(n / 1024, 1, 4096);
+  const std::int32_t count = std::clamp(n / 2048, 1, 4096);
   chunk_size_ = std::max(1, (n + count - 1) / count);
   const auto used = std::size_t((n + chunk_size_ - 1) / chunk_size_);
   while (chunks_.size() < used) chunks_.push_back(std::make_unique<Chunk>());
@@ -710,10 +711,12 @@ void Simulation::chunk_forces(std::size_t c) {
   a.dt = settings_.time_step;
   for (int k = 0; k < 3; ++k) {
     a.period[k] = settings_.period[k];
-    a.inverse_period[k] = settings_.period[k] > 0.0 ? 1.0 / settings_.period[k] : 0.0;
+    a.inverse_period[k] = inverse_period_[k];
   }
   for (const PairRun& run : chunk.runs) kernels_->pairs(a, laws_[std::size_t(run.law)], run);
+  chunk.wall_seconds = -seconds();
   wall_forces(chunk);
+  chunk.wall_seconds += seconds();
 }
 
 void Simulation::wall_forces(Chunk& chunk) {
@@ -723,30 +726,35 @@ void Simulation::wall_forces(Chunk& chunk) {
     const auto p = std::size_t(w.particle);
     const SurfaceOf& surface = surfaces_[std::size_t(w.surface)];
     const Body& body = bodies_[std::size_t(surface.body)];
+    const bool turned = !body.orientation.vec().isZero(0.0);
     const double* x = &position_[4 * p];
     const Vec3 d = nearest_image(Vec3(x[0], x[1], x[2]) - body.position);
-    const int n = surface.shape->near(body.orientation.conjugate() * d, x[3], points);
+    const int n = surface.shape->near(turned ? body.orientation.conjugate() * d : d, x[3], points);
     if (n == 0) {
       w.count = 0;
       continue;
     }
     const PairLaw& pair_law = law(material_[p], surface.material);
-    WallEntry old[max_surface_points];
-    const int n_old = w.count;
-    std::copy_n(w.entry, n_old, old);
+    // Each contact keeps the history of the facet it is on.
+    if (n != 1 || w.count != 1 || w.entry[0].facet != points[0].facet) {
+      WallEntry next[max_surface_points];
+      for (int m = 0; m < n; ++m) {
+        next[m] = WallEntry{points[m].facet, 0, {}};
+        for (int o = 0; o < w.count; ++o)
+          if (w.entry[o].facet == points[m].facet) next[m] = w.entry[o];
+      }
+      std::copy_n(next, n, w.entry);
+      w.count = n;
+    }
     for (int m = 0; m < n; ++m) {
-      WallEntry& entry = w.entry[m];
-      entry = WallEntry{points[m].facet, 0, {}};
-      for (int o = 0; o < n_old; ++o)
-        if (old[o].facet == entry.facet) entry = old[o];
-      const Vec3 normal = body.orientation * points[m].normal;
+      const Vec3 normal = turned ? body.orientation * points[m].normal : points[m].normal;
       Contact<double> contact;
       const double arm = x[3] - 0.5 * (x[3] - points[m].distance);
       const Vec3 lever = d - arm * normal;
       set_wall(contact, normal, points[m].distance, x, &velocity_[4 * p], &spin_[4 * p],
                body.velocity + body.spin.cross(lever), body.spin);
       contact.dt = settings_.time_step;
-      evaluate(pair_law, contact, entry.history);
+      evaluate(pair_law, contact, w.entry[m].history);
       const Vec3 tangential(contact.ftx, contact.fty, contact.ftz), rolling(contact.mx, contact.my, contact.mz);
       const Vec3 force = contact.fn * normal + tangential;
       const Vec3 torque = rolling - arm * normal.cross(tangential);
@@ -760,7 +768,6 @@ void Simulation::wall_forces(Chunk& chunk) {
         wrench[3 + k] -= moment[k];
       }
     }
-    w.count = n;
   }
 }
 
@@ -852,19 +859,32 @@ void Simulation::run(std::int64_t n) {
   const std::function<void(std::size_t)> motion = [this](std::size_t c) { chunk_motion(c); };
   if (!prepared_) prepare();
   for (std::int64_t k = 0; k < n; ++k) {
+    double before = seconds();
+    const auto spent = [&before](double& on) {
+      const double now = seconds();
+      on += now - before;
+      before = now;
+    };
     // Two partners can close by twice the distance that the fastest has gone.
     if (!lists_valid_ || 2.0 * outer_moved_ > skin_)
       rebuild();
     else if (2.0 * inner_moved_ > inner_skin_)
       build_inner();
+    spent(times_.lists);
     if (settings_.check_energy && (!checked_ || counters_.steps % check_interval == 0)) check_state();
+    spent(times_.checks);
     crew_->run(chunks_.size(), forces);
+    spent(times_.forces);
     crew_->run(chunks_.size(), motion);
     double fastest = 0.0;
-    for (const auto& chunk : chunks_)
+    for (const auto& chunk : chunks_) {
       if (!(chunk->fastest <= fastest)) fastest = chunk->fastest;
+      times_.walls += chunk->wall_seconds;
+    }
     largest_speed_ = std::sqrt(fastest);
+    spent(times_.motion);
     move_bodies();
+    spent(times_.bodies);
     if (!std::isfinite(largest_speed_))
       throw RunError("a velocity is not a number after " + std::to_string(time_) + " s: the time step is too large");
     outer_moved_ += largest_speed_ * settings_.time_step;

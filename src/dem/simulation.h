@@ -31,7 +31,9 @@ struct Settings {
   double time_step = 0.0;         // s; 0: Simulation::suggested_time_step()
   Vec3 gravity{0.0, 0.0, -9.81};  // m/s2
   Vec3 period{0.0, 0.0, 0.0};     // m, edge of the periodic cell; 0: not periodic along that axis
-  double viscous = 0.0;           // N s/m, force -viscous v on every particle (settling only)
+  // N s/m, force -viscous v and torque -4/3 viscous R^2 w on every particle, as Stokes' drag has them (settling only):
+  // without the torque a grain that touches one other can twist on it for ever.
+  double viscous = 0.0;
   double skin = 0.0;              // m, of the neighbour list; 0: a quarter of the smallest radius or more
   int threads = 1;                // 0: all cores
   bool check_energy = true;       // stop when energy grows that nothing put in
@@ -83,6 +85,12 @@ struct Counters {
   std::int64_t steps = 0, list_builds = 0, inner_builds = 0;
 };
 
+// Where the time of run() went [s of wall time, of the calling thread]; `walls` is a part of `forces`, summed over
+// threads.
+struct Times {
+  double lists = 0.0, forces = 0.0, walls = 0.0, motion = 0.0, bodies = 0.0, checks = 0.0;
+};
+
 class Simulation {
  public:
   // Throws InputError when the settings are wrong.
@@ -124,6 +132,7 @@ class Simulation {
   void set_viscous(double viscous) { settings_.viscous = viscous; }
   const Settings& settings() const { return settings_; }
   const Counters& counters() const { return counters_; }
+  const Times& times() const { return times_; }
   const char* kernel_name() const { return kernels_->name; }
 
   // Particles by id, in the order they were put in; removed ones are left out of `ids`.
@@ -174,12 +183,12 @@ class Simulation {
     int body = 0, material = 0;
     SurfacePtr shape;
   };
-  struct WallEntry {
-    std::int32_t facet = -1, unused = 0;  // no padding: equal states have equal bytes
-    double history[max_history] = {};
+  struct WallEntry {  // made as WallEntry{}: no padding, equal states have equal bytes
+    std::int32_t facet, unused;
+    double history[max_history];
   };
   struct WallCandidate {
-    std::int32_t particle = 0, surface = 0, count = 0, unused = 0;
+    std::int32_t particle, surface, count, unused;
     WallEntry entry[max_surface_points];
   };
   struct CarriedPair {
@@ -209,7 +218,12 @@ class Simulation {
   void check_state();
   void sort_particles();
   const PairLaw& law(int a, int b) const;
-  Vec3 nearest_image(Vec3 d) const;
+  Vec3 nearest_image(Vec3 d) const {
+    constexpr double magic = 6755399441055744.0;  // adding and subtracting 1.5 2^52 rounds to an integer
+    for (int k = 0; k < 3; ++k)
+      if (settings_.period[k] > 0.0) d[k] -= settings_.period[k] * ((d[k] * inverse_period_[k] + magic) - magic);
+    return d;
+  }
   std::array<int, 3> cell_of(const double* x) const;
   template <class Visit>
   void visit_contacts(const Visit& visit) const;
@@ -217,6 +231,7 @@ class Simulation {
   void archive(Archive& ar);
 
   Settings settings_;
+  Vec3 inverse_period_ = Vec3::Zero();
   const Kernels* kernels_;
   std::unique_ptr<Crew> crew_;
   std::vector<Material> materials_;
@@ -255,6 +270,7 @@ class Simulation {
   double checked_energy_ = 0.0, checked_work_ = 0.0, checked_scale_ = 0.0;
   bool checked_ = false;
   Counters counters_;
+  Times times_;  // not part of the state
 };
 
 }  // namespace terrode::dem

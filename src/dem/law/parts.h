@@ -1,5 +1,6 @@
 // The parts a contact law can be composed of. A new part is a struct with `name`, `history` and `apply`, in a file of
-// its own, and its name in one of these lists. Every family begins with its null part.
+// its own, and its name in one of these lists. Every family begins with its null part. Lanes of a pack that do not
+// touch are evaluated too, with zero overlap and history: a part gives no force there.
 #pragma once
 
 #include "dem/law/cohesion.h"

@@ -74,7 +74,7 @@ struct SpringDashpotRolling {
     }
     const T size = square_root(x * x + y * y + z * z);
     const auto holds = size < limit;
-    const T scale = select(holds, T(1.0), limit / larger(size, T(1e-300)));
+    const T scale = select(holds, T(1.0), limit * (T(1.0) / larger(size, T(1e-300))));
     m[0] = x * scale;
     m[1] = y * scale;
     m[2] = z * scale;

@@ -52,7 +52,7 @@ struct MindlinTangential {
     } else {
       const T spring = c.kt * square_root(x * x + y * y + z * z);
       const auto sticks = spring < limit;  // never without friction
-      const T scale = select(sticks, T(1.0), limit / larger(spring, T(1e-300)));
+      const T scale = select(sticks, T(1.0), limit * (T(1.0) / larger(spring, T(1e-300))));
       xi[0] = x * scale;
       xi[1] = y * scale;
       xi[2] = z * scale;
