@@ -90,6 +90,25 @@ function(terrode_test_program target sources labels room)
     PROPERTIES LABELS "${labels}" TIMEOUT 600)
 endfunction()
 
+# fuzz/<name>.cpp, one line each in fuzz/harnesses.inc: with TERRODE_FUZZ a libFuzzer program each, and always a test
+# that replays the inputs kept.
+function(terrode_add_fuzz)
+  file(STRINGS ${PROJECT_SOURCE_DIR}/fuzz/harnesses.inc lines REGEX "^FUZZ_HARNESS")
+  set(sources ${PROJECT_SOURCE_DIR}/fuzz/replay_test.cpp)
+  foreach(line IN LISTS lines)
+    string(REGEX REPLACE "^FUZZ_HARNESS.([a-z_0-9]+).*" "\\1" name "${line}")
+    list(APPEND sources ${PROJECT_SOURCE_DIR}/fuzz/${name}.cpp)
+    if(TERRODE_FUZZ)
+      add_executable(fuzz_${name} EXCLUDE_FROM_ALL ${PROJECT_SOURCE_DIR}/fuzz/${name}.cpp)
+      set_target_properties(fuzz_${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/fuzz)
+      target_compile_definitions(fuzz_${name} PRIVATE TERRODE_LIBFUZZER)
+      target_link_libraries(fuzz_${name} PRIVATE terrode_scenario)
+      target_link_options(fuzz_${name} PRIVATE -fsanitize=fuzzer)
+    endif()
+  endforeach()
+  terrode_test_program(regression_fuzz "${sources}" "regression;fuzz" scenario)
+endfunction()
+
 # bench/<name>_bench.cpp: one program each, linked with every room; built by the target `benchmarks`, not by default.
 function(terrode_add_benchmarks)
   add_custom_target(benchmarks)

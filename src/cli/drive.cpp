@@ -2,17 +2,21 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 
+#include "cli/kept_run.h"
 #include "cli/terminal.h"
 #include "recording/result_file.h"
+#include "scenario/reader.h"
 #include "scenario/vehicle_file.h"
 
 namespace terrode::cli {
 namespace {
 
 struct Arguments {
-  std::string file, output;
+  std::string file;
+  KeptRunOptions kept;
 };
 
 double mean_of_last_half(const std::vector<double>& values) {
@@ -25,19 +29,36 @@ double mean_of_last_half(const std::vector<double>& values) {
 void drive(const Arguments& a, Common& common) {
   const scenario::DriveScenario d = scenario::load_drive(a.file);
   for (const std::string& n : d.base.notes) note(common, n);
-  const scenario::DriveResult r = scenario::run_drive(d, show_progress(common));
-  for (const std::string& e : r.events) note(common, e);
-  if (!a.output.empty()) {
-    recording::ResultHeader header = recording::ResultHeader::now("terrode run");
-    header.title = d.base.title;
-    header.scenario_file = d.file;
-    header.scenario_text = d.text;
-    header.command = common.command_line;
-    recording::write_atomically(a.output, false, [&](recording::Hdf5File& file) {
-      recording::write_header(file, header);
-      recording::write_series(file, "/run", r.run);
-    });
+  recording::ResultHeader header = recording::ResultHeader::now("terrode run");
+  header.title = d.base.title;
+  header.scenario_file = d.file;
+  header.scenario_text = d.text;
+  header.command = common.command_line;
+  const std::string folder = std::filesystem::path(d.file).parent_path().string();
+  const std::string work = "drive\n" + d.text + "\n" + scenario::named_files(scenario::parse_yaml(d.text, d.file), folder);
+  KeptRun kept(a.kept, std::move(header), work, common);
+  recording::Run until_now;
+  const scenario::DriveObserver observe = [&](vehicle::Vehicle& machine, const vehicle::Controller& controller) {
+    if (!a.kept.output.empty()) add_new_samples(machine.so_far(), until_now);
+    kept.sample([&] { return machine.so_far(); }, [&] { return machine.checkpoint(controller); });
+  };
+  scenario::DriveResult r;
+  {
+    Progress progress = show_progress(common);
+    progress.stop_requested = [&kept] { return kept.stop(); };
+    try {
+      r = scenario::run_drive(d, progress, observe, kept.resume().get());
+    } catch (const Interrupted&) {
+      kept.interrupted();
+    } catch (const InputError&) {
+      throw;
+    } catch (const std::exception& e) {
+      kept.fail(until_now, e.what());
+      throw;
+    }
   }
+  for (const std::string& e : r.events) note(common, e);
+  kept.finish(r.run);
   const auto last = [&](const std::string& name) {
     return r.run.find(name)->values.empty() ? 0.0 : r.run.find(name)->values.back();
   };
@@ -78,7 +99,7 @@ void add_drive(CLI::App& app, Common& common) {
   CLI::App* command = app.add_subcommand("drive", "a whole machine over soft ground, from a vehicle scenario");
   const auto a = std::make_shared<Arguments>();
   command->add_option("SCENARIO", a->file, "vehicle scenario (YAML with a key `vehicle`)")->required()->type_name("");
-  command->add_option("-o,--output", a->output, "result file (HDF5)")->type_name("FILE");
+  add_kept_run(*command, a->kept);
   add_common(*command, common, false);
   command->callback([a, &common] { drive(*a, common); });
 }

@@ -2,50 +2,32 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 
 #include "analysis/steady_state.h"
 #include "cli/input.h"
+#include "cli/kept_run.h"
 #include "cli/terminal.h"
 #include "recording/result_file.h"
 #include "scenario/methods.h"
 #include "vehicle/frame_recorder.h"
+#include "vehicle/slip_sweep.h"
 
 namespace terrode::cli {
 namespace {
 
 struct Arguments {
-  std::string scenario, output, csv, method;
+  std::string scenario, csv, method;
   std::string slip;
   int frames = 0;
-};
-
-// The samples of a run seen from outside, so that an interrupted run leaves what it had. Values of the last step of
-// each sample, not their means.
-class Partial {
- public:
-  void observe(const vehicle::RigSample& s) {
-    run_.time.push_back(s.time);
-    const double values[] = {s.drawbar_pull, s.driving_torque, s.sinkage, s.normal_load, s.angular_velocity, s.forward_velocity, s.slip};
-    for (std::size_t i = 0; i < run_.channels.size(); ++i) run_.channels[i].values.push_back(values[i]);
-  }
-  const recording::Run& run() const { return run_; }
-
- private:
-  static recording::Channel channel(const char* name) { return {name, recording::column_unit(name), {}}; }
-  recording::Run run_ = [] {
-    recording::Run r;
-    for (const char* name : {"drawbar_pull", "driving_torque", "sinkage", "normal_load", "angular_velocity", "forward_velocity", "slip"})
-      r.channels.push_back(channel(name));
-    return r;
-  }();
+  KeptRunOptions kept;
 };
 
 void run_rig(const Arguments& a, Common& common) {
   scenario::Scenario s = load_input(a.scenario, common);
-  if (a.frames > 0 && a.output.empty()) throw InputError({{}, 0, 0, "--frames", "needs a file to be kept in", "-o OUT.h5"});
+  if (a.frames > 0 && a.kept.output.empty()) throw InputError({{}, 0, 0, "--frames", "needs a file to be kept in", "-o OUT.h5"});
   std::string method = a.method;
   for (const std::string& m : s.methods)
     if (method.empty() && m != "steady") method = m;
@@ -62,56 +44,71 @@ void run_rig(const Arguments& a, Common& common) {
   settings.threads = common.threads;
   const scenario::OperatingPoint at = s.operating_points({s.rig.slip}).front();
   recording::Condition condition = scenario::condition_of(at, s.wheel.radius);
-  Partial partial;
+
+  recording::ResultHeader header = recording::ResultHeader::now("terrode run");
+  header.title = s.title;
+  header.scenario_file = s.file;
+  header.scenario_text = s.text;
+  header.scenario_resolved = scenario::to_yaml(s);
+  header.slip_convention = s.rig.slip_convention;
+  header.command = common.command_line;
+  header.seed = static_cast<std::int64_t>(settings.seed);
+  const std::string work = fmt::format("run --method {} --slip {} --frames {} --seed {}\n{}", method, at.slip, a.frames, settings.seed,
+                                       header.scenario_resolved);
+  KeptRun kept(a.kept, std::move(header), work, common);
+  settings.resume = kept.resume();
+
+  const effects::EffectSet effects = scenario::effect_set(s);
+  recording::Run until_now;  // the rig's samples, kept here for when it fails
   std::optional<vehicle::FrameRecorder> recorder;
+  kept.extra = [&](recording::Hdf5File& file) {
+    if (recorder && recorder->count() > 0) recorder->write(file);
+    file.set_attribute("/run", "method", method);
+    file.set_attribute("/run", "slip_wong_reece", at.slip);
+    file.set_attribute("/run", "normal_load", at.normal_load);
+    file.set_attribute("/run", "angular_velocity", at.angular_velocity);
+  };
+  std::function<recording::Run()> read_until_now = [] { return recording::Run{}; };
   settings.observe = [&](vehicle::Rig& rig) {
-    partial.observe(rig.last());
-    if (a.frames <= 0) return;
-    if (!recorder) recorder.emplace(vehicle::frame_settings(rig, static_cast<std::size_t>(a.frames)));
-    recorder->observe(rig.last().time, rig.simulation());
+    add_new_samples(rig.so_far(), until_now);
+    read_until_now = [&until_now, &effects, &condition, load = rig.spec().normal_load, rim = *rig.shape().rolling()] {
+      recording::Run run = until_now;
+      vehicle::read_instruments(run, condition, load, effects, rim);
+      return run;
+    };
+    if (a.frames > 0) {
+      if (!recorder) {
+        recorder.emplace(vehicle::frame_settings(rig, static_cast<std::size_t>(a.frames)));
+        if (kept.resume()) recorder->take_up(kept.resume()->byte("frames"), rig.simulation());
+      }
+      recorder->observe(rig.last().time, rig.simulation());
+    }
+    kept.sample(read_until_now, [&] {
+      recording::Checkpoint c = rig.checkpoint();
+      if (recorder) c.bytes["frames"] = recorder->state();
+      return c;
+    });
   };
   const vehicle::SweepMethod ready = scenario::make_method(method, s, settings);
 
-  // A place that cannot be written is known before the work, not after it.
-  const auto write = [&](const recording::Run* run) {
-    recording::write_atomically(a.output, false, [&](recording::Hdf5File& file) {
-      recording::ResultHeader header = recording::ResultHeader::now("terrode run");
-      header.title = s.title;
-      header.scenario_file = s.file;
-      header.scenario_text = s.text;
-      header.scenario_resolved = scenario::to_yaml(s);
-      header.slip_convention = s.rig.slip_convention;
-      header.command = common.command_line;
-      header.seed = static_cast<std::int64_t>(settings.seed);
-      recording::write_header(file, header);
-      if (!run) return;
-      if (recorder && recorder->count() > 0) recorder->write(file);
-      recording::write_series(file, "/run", *run);
-      file.set_attribute("/run", "method", method);
-      file.set_attribute("/run", "slip_wong_reece", at.slip);
-      file.set_attribute("/run", "normal_load", at.normal_load);
-      file.set_attribute("/run", "angular_velocity", at.angular_velocity);
-    });
-  };
-  if (!a.output.empty() && !std::filesystem::exists(a.output)) {
-    write(nullptr);
-    std::filesystem::remove(a.output);
-  }
-
   vehicle::PointResult result;
   {
-    const Progress progress = show_progress(common);
+    Progress progress = show_progress(common);
+    progress.stop_requested = [&kept] { return kept.stop(); };
     try {
       result = ready.run(condition, progress);
     } catch (const Interrupted&) {
-      if (a.output.empty() || partial.run().time.size() < 2) throw Interrupted("The run had not ended; nothing was written.");
-      write(&partial.run());
-      throw Interrupted(fmt::format("Its first {:.3g} s are in {}.", partial.run().time.back(), a.output));
+      kept.interrupted();
+    } catch (const InputError&) {
+      throw;
+    } catch (const std::exception& e) {
+      kept.fail(read_until_now(), e.what());
+      throw;
     }
   }
   recording::Run& run = result.run;
   run.id = "run";
-  if (!a.output.empty()) write(&run);
+  kept.finish(run);
   if (!a.csv.empty()) write_text_atomically(a.csv, recording::series_csv(run));
   for (const std::string& e : result.events) note(common, e);
 
@@ -154,7 +151,7 @@ void add_run(CLI::App& app, Common& common) {
       ->check(CLI::IsMember(scenario::method_names()))
       ->type_name("NAME");
   command->add_option("--slip", a->slip, "slip in place of rig.slip, by the convention of the scenario")->type_name("SLIP");
-  command->add_option("-o,--output", a->output, "result file (HDF5)")->type_name("OUT.h5");
+  add_kept_run(*command, a->kept);
   command->add_option("--frames", a->frames, "keep about N pictures of the run in the result file, for view and export --to vtk")
       ->check(CLI::Range(1, 100000))
       ->type_name("N");

@@ -2,7 +2,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -13,6 +12,7 @@
 #include "cli/sweep_report.h"
 #include "cli/sweep_result.h"
 #include "cli/terminal.h"
+#include "recording/checkpoint.h"
 #include "report/svg.h"
 #include "scenario/methods.h"
 
@@ -28,6 +28,7 @@ struct Arguments {
   std::string scenario, output, csv, slips, figure;
   std::vector<std::string> methods;
   bool overwrite = false;
+  double seconds = 3.0;  // of wall time between two writes of the result file
 };
 
 // What decides whether points of two sweeps belong into one file: everything but which points and methods were asked for.
@@ -45,8 +46,8 @@ std::string physics_of(scenario::Scenario s, std::uint64_t seed) {
 // The result file of a sweep: known points when it was begun before, written anew in one step each time some are added.
 class SweepFile {
  public:
-  SweepFile(const std::string& path, recording::ResultHeader header, bool overwrite, const Common& common)
-      : path_(path), header_(std::move(header)) {
+  SweepFile(const std::string& path, recording::ResultHeader header, bool overwrite, double seconds, const Common& common)
+      : path_(path), header_(std::move(header)), regularly_(seconds) {
     const fs::path folder = fs::absolute(path).parent_path();
     if (!fs::is_directory(folder)) throw InputError({path, 0, 0, {}, fmt::format("the folder {} does not exist", folder.string()), {}});
     if (overwrite || !fs::exists(path)) return;
@@ -80,12 +81,13 @@ class SweepFile {
     SweepPoint& target = row(method, point.at, &index);
     target = point;
     if (point.series) new_series_[{method, index}] = point.series;
+    target.series.reset();  // on disk after the next save: memory stays flat
     dirty_ = true;
   }
 
   // Writes what is new; at most every few seconds unless `now`.
   void save(bool now) {
-    if (!now && (!dirty_ || std::chrono::steady_clock::now() - saved_ < std::chrono::seconds(3))) return;
+    if (!now && (!dirty_ || !regularly_.due())) return;
     recording::write_atomically(path_, keep_, [this](recording::Hdf5File& file) {
       recording::write_header(file, header_);
       for (const auto& [method, rows] : rows_) recording::write_table(file, "/sweep/" + method, to_table(rows));
@@ -98,7 +100,7 @@ class SweepFile {
     keep_ = true;
     dirty_ = false;
     new_series_.clear();
-    saved_ = std::chrono::steady_clock::now();
+    regularly_.done();
   }
 
  private:
@@ -107,7 +109,7 @@ class SweepFile {
   std::map<std::string, std::vector<SweepPoint>> rows_;
   std::map<std::pair<std::string, std::size_t>, std::shared_ptr<const recording::Run>> new_series_;
   bool keep_ = false, dirty_ = true;
-  std::chrono::steady_clock::time_point saved_ = std::chrono::steady_clock::now();
+  recording::Regularly regularly_;
 };
 
 // Where nothing could be computed because the soil does not carry the load, the load is what is wrong.
@@ -185,7 +187,7 @@ void sweep(const Arguments& arguments, Common& common) {
     header.slip_convention = s.rig.slip_convention;
     header.command = common.command_line;
     header.seed = static_cast<std::int64_t>(settings.seed);
-    file = std::make_unique<SweepFile>(arguments.output, std::move(header), arguments.overwrite, common);
+    file = std::make_unique<SweepFile>(arguments.output, std::move(header), arguments.overwrite, arguments.seconds, common);
     for (const std::string& m : names)
       for (const OperatingPoint& p : points) file->row(m, p);
     // A file that cannot be written is known before the work, not after it.
@@ -214,15 +216,18 @@ void sweep(const Arguments& arguments, Common& common) {
 
   vehicle::SweepOptions options;
   options.threads = common.threads;
+  options.keep_series = false;
   options.skip = [&](const std::string& method, const recording::Condition& c) { return there.contains({method, place(c)}); };
   options.on_point = [&](const vehicle::SweepPoint& done) {
     const std::size_t i = std::stoul(place(done.condition));
     for (MethodResult& r : results) {
       if (r.method != done.method) continue;
       r.points[i] = summarise(done, points[i], scenario::averaging_period(done.method, s, points[i]));
-      if (!file) continue;
-      file->put(done.method, r.points[i]);
-      file->save(false);
+      if (file) {
+        file->put(done.method, r.points[i]);
+        file->save(false);
+      }
+      r.points[i].series.reset();
     }
   };
   Progress progress = show_progress(common);
@@ -266,6 +271,9 @@ void add_sweep(CLI::App& app, Common& common) {
       ->type_name("OUT.h5");
   command->add_option("--csv", a->csv, "write the table to this file")->type_name("FILE.csv");
   command->add_option("--figure", a->figure, "draw drawbar pull to this file, torque and sinkage beside it")->type_name("FILE.svg");
+  command->add_option("--checkpoint", a->seconds, "write the result file anew every so many seconds (default: 3)")
+      ->check(CLI::Range(0.0, 1e9))
+      ->type_name("SECONDS");
   command->add_flag("--overwrite", a->overwrite, "replace a result file of another scenario");
   add_common(*command, common, true);
   common.words["sweep --method"] = scenario::method_names();

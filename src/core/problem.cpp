@@ -59,6 +59,9 @@ std::string nearest_word(const std::string& word, const std::vector<std::string>
   std::string best;
   int best_distance = std::max(1, static_cast<int>(word.size()) / 3) + 1;
   for (const std::string& k : known) {
+    // The distance is at least the difference in length: a word of a megabyte is near nothing, and not worth a table.
+    const std::size_t apart = std::max(word.size(), k.size()) - std::min(word.size(), k.size());
+    if (apart >= static_cast<std::size_t>(best_distance)) continue;
     const int d = edit_distance(word, k);
     if (d < best_distance) {
       best_distance = d;

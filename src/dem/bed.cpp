@@ -7,8 +7,10 @@
 #include <cstdlib>
 #include <filesystem>
 #include <numbers>
+#include <sstream>
 
 #include "core/version.h"
+#include "recording/checkpoint.h"
 #include "recording/hdf5_file.h"
 
 namespace terrode::dem {
@@ -188,24 +190,29 @@ std::string BedRecipe::text() const {
 }
 
 bool settle(Simulation& sim, double energy_limit, double force_limit, double longest, const Progress& progress) {
+  return settle_since(sim.time(), sim, energy_limit, force_limit, longest, progress, [] {});
+}
+
+bool settle_since(double start, Simulation& sim, double energy_limit, double force_limit, double longest,
+                  const Progress& progress, const std::function<void()>& between) {
   double mean_diameter = 0.0;
   const std::vector<int> ids = sim.ids();
   for (const int id : ids) mean_diameter += 2.0 * sim.radius(id) / static_cast<double>(ids.size());
   const double scale = sim.total_mass() * sim.settings().gravity.norm() * mean_diameter;
-  const double start = sim.time();
   while (sim.time() - start < longest) {
-    if (progress.stop_requested()) throw Interrupted("stopped while a bed settled; nothing is kept");
+    if (progress.stop_requested()) throw Interrupted("stopped while a bed settled");
     sim.run(500);
     const double kinetic = sim.energy().kinetic() / scale, force = sim.unbalanced_force();
     progress.report((sim.time() - start) / longest, fmt::format("settling: {} grains, kinetic energy {:.1e} of {:.0e}, "
                                                                 "unbalanced force {:.3f} of {:.3f}",
                                                                 ids.size(), kinetic, energy_limit, force, force_limit));
     if (kinetic < energy_limit && force < force_limit) return true;
+    between();
   }
   return false;
 }
 
-Bed prepare_bed(const BedRecipe& recipe, int threads, const Progress& progress) {
+Bed prepare_bed(const BedRecipe& recipe, int threads, const Progress& progress, const BedCheckpoint& checkpoint) {
   throw_if_any(recipe.validate());
   Settings settings;
   settings.gravity = Vec3(0.0, 0.0, -recipe.gravity);
@@ -224,19 +231,78 @@ Bed prepare_bed(const BedRecipe& recipe, int threads, const Progress& progress) 
     sim.add_surface(floor, make_plane(Vec3::UnitY(), 0.0), wall);
     sim.add_surface(floor, make_plane(-Vec3::UnitY(), -recipe.length), wall);
   }
+  // Where the work is: grains are poured (steps done), settle, are cut and settle again (since a time).
+  constexpr double pouring = 0.0, settling = 1.0, cut = 2.0;
+  double phase = pouring, steps = 0.0, since = 0.0;
+  const std::string work = fmt::format("bed by terrode {} ({}), kernel {}\n{}", version(), commit(), sim.kernel_name(), recipe.text());
+  const auto keep = [&] {
+    recording::Checkpoint c;
+    c.work = work;
+    c.numbers["place"] = {phase, steps, since};
+    std::ostringstream state;
+    sim.save(state);
+    const std::string bytes = std::move(state).str();
+    c.bytes["particles"].assign(bytes.begin(), bytes.end());
+    recording::write_atomically(checkpoint.path, false, [&](recording::Hdf5File& file) {
+      file.set_attribute("/", "filetype", "terrode unfinished bed");
+      recording::write_checkpoint(file, c);
+    });
+  };
+  recording::Regularly regularly(checkpoint.seconds);
+  const auto between = [&] {
+    if (checkpoint.path.empty() || !regularly.due()) return;
+    try {
+      keep();
+    } catch (const RunError&) {
+      // A state that cannot be kept costs time after a kill, not the bed.
+    }
+    regularly.done();
+  };
+  const auto stop = [&](const char* doing) {
+    if (checkpoint.path.empty()) throw Interrupted(fmt::format("stopped while a bed {}; nothing is kept", doing));
+    keep();
+    throw Interrupted(fmt::format("stopped while a bed {}; its state is kept and the same command goes on from there", doing));
+  };
+  std::optional<recording::Checkpoint> kept;
+  std::error_code error;
+  if (!checkpoint.path.empty() && std::filesystem::exists(checkpoint.path, error)) {
+    try {
+      kept = recording::read_checkpoint(recording::Hdf5File::open(checkpoint.path));
+    } catch (const InputError&) {
+      // Damaged: begun again.
+    }
+  }
+  const bool resumed = kept && kept->work == work;
+  if (resumed) {
+    const auto& place = kept->number("place");
+    const auto& bytes = kept->byte("particles");
+    if (place.size() != 3) throw InputError({checkpoint.path, 0, 0, "/checkpoint", "is of another bed", "no such file"});
+    std::istringstream state(std::string(bytes.begin(), bytes.end()));
+    sim.load(state);
+    phase = place[0], steps = place[1], since = place[2];
+  }
+
   // Poured beds of these laws reach a solid fraction of 0.5 to 0.6; what stands above the height is cut off.
   constexpr double overfill = 1.06, densest = 0.60;
-  fill_column(sim, recipe, grain, overfill * densest * recipe.width * recipe.length * recipe.height);
-  sim.set_time_step(recipe.time_step_fraction * sim.rayleigh_time());
-
-  double highest = 0.0;
-  for (const int id : sim.ids()) highest = std::max(highest, sim.position(id).z());
-  const double fall = std::sqrt(2.0 * std::max(0.0, highest - recipe.height) / recipe.gravity);
-  const auto steps = static_cast<std::int64_t>(fall / sim.time_step());
-  for (std::int64_t k = 0; k < steps; k += 1000) {
-    if (progress.stop_requested()) throw Interrupted("stopped while a bed was poured; nothing is kept");
-    sim.run(std::min<std::int64_t>(1000, steps - k));
-    progress.report(0.0, fmt::format("pouring: {:.2f} of {:.2f} s", sim.time(), fall));
+  if (!resumed) {
+    fill_column(sim, recipe, grain, overfill * densest * recipe.width * recipe.length * recipe.height);
+    sim.set_time_step(recipe.time_step_fraction * sim.rayleigh_time());
+    double highest = 0.0;
+    for (const int id : sim.ids()) highest = std::max(highest, sim.position(id).z());
+    since = std::sqrt(2.0 * std::max(0.0, highest - recipe.height) / recipe.gravity);  // s of free fall
+  }
+  if (phase == pouring) {
+    const double fall = since, all = std::floor(fall / sim.time_step());
+    while (steps < all) {
+      if (progress.stop_requested()) stop("was poured");
+      const double n = std::min(1000.0, all - steps);
+      sim.run(static_cast<std::int64_t>(n));
+      steps += n;
+      progress.report(0.0, fmt::format("pouring: {:.2f} of {:.2f} s", sim.time(), fall));
+      between();
+    }
+    phase = settling;
+    since = sim.time();
   }
   sim.set_viscous(recipe.viscous);
   const auto require_rest = [&](bool rest) {
@@ -259,9 +325,21 @@ Bed prepare_bed(const BedRecipe& recipe, int threads, const Progress& progress) 
                     recipe.longest_settling, sim.unbalanced_force(), sim.radius(restless), x.x(), x.y(), x.z(),
                     v.norm(), w.norm()));
   };
-  require_rest(settle(sim, recipe.settled_energy, recipe.settled_force, recipe.longest_settling, progress));
-  sim.remove_particles([&](const Vec3& x, double) { return x.z() > recipe.height; });
-  require_rest(settle(sim, recipe.settled_energy, recipe.settled_force, recipe.longest_settling, progress));
+  const auto settle_now = [&] {
+    try {
+      require_rest(settle_since(since, sim, recipe.settled_energy, recipe.settled_force, recipe.longest_settling,
+                                progress, between));
+    } catch (const Interrupted&) {
+      stop("settled");
+    }
+  };
+  if (phase == settling) {
+    settle_now();
+    sim.remove_particles([&](const Vec3& x, double) { return x.z() > recipe.height; });
+    phase = cut;
+    since = sim.time();
+  }
+  settle_now();
 
   Bed bed;
   bed.width = recipe.width;
@@ -385,8 +463,9 @@ Bed cached_bed(const BedRecipe& recipe, const std::string& folder, int threads, 
       // A damaged entry is made again.
     }
   }
-  Bed bed = prepare_bed(recipe, threads, progress);
   std::filesystem::create_directories(path.parent_path(), error);
+  const std::string unfinished = path.string() + ".unfinished";
+  Bed bed = prepare_bed(recipe, threads, progress, {error ? std::string() : unfinished});
   if (!error) {
     try {
       save_bed(bed, path.string());
@@ -394,6 +473,7 @@ Bed cached_bed(const BedRecipe& recipe, const std::string& folder, int threads, 
       // A cache that cannot be written costs time, not the result.
     }
   }
+  std::filesystem::remove(unfinished, error);
   return bed;
 }
 

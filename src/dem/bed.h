@@ -1,6 +1,7 @@
 // Beds of particles: how they are prepared, tiled, stored and found again.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -65,8 +66,17 @@ struct Bed {
   std::string recipe;  // text of the recipe, for provenance
 };
 
-// Settles a bed. Throws InputError for a wrong recipe, RunError when it does not come to rest, Interrupted on request.
-Bed prepare_bed(const BedRecipe& recipe, int threads = 1, const Progress& progress = {});
+// Where the state of a bed that still settles is kept, and how often.
+struct BedCheckpoint {
+  std::string path;       // empty: nowhere
+  double seconds = 30.0;  // of wall time between two states
+};
+
+// Settles a bed. With a checkpoint, one that was cut off goes on from the state kept last, to the same bed bit for bit;
+// whoever saves the bed removes the file. Throws InputError for a wrong recipe, RunError when it does not come to
+// rest, Interrupted on request.
+Bed prepare_bed(const BedRecipe& recipe, int threads = 1, const Progress& progress = {},
+                const BedCheckpoint& checkpoint = {});
 // The bed repeated nx times along x and ny times along y.
 Bed tile(const Bed& bed, int nx, int ny);
 
@@ -87,5 +97,8 @@ void add_bed(Simulation& simulation, const Bed& bed, int material, const Vec3& o
 // enough.
 bool settle(Simulation& simulation, double energy_limit, double force_limit, double longest,
             const Progress& progress = {});
+// The same, begun at time `start` [s] of the simulation; calls `between` after every piece of work.
+bool settle_since(double start, Simulation& simulation, double energy_limit, double force_limit, double longest,
+                  const Progress& progress, const std::function<void()>& between);
 
 }  // namespace terrode::dem

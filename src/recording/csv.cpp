@@ -18,6 +18,8 @@ namespace {
 constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kBadCellsKept = 5;
 constexpr std::size_t kRowProblemsKept = 10;
+constexpr std::size_t kRowProblemsRead = 10'000;  // each may be filled up with thousands of gaps
+constexpr std::size_t kTextTableBytes = std::size_t{16} << 20;
 
 bool blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
 
@@ -150,6 +152,8 @@ bool begin_table(Lines& lines, std::string_view text, const CsvFormat& format, c
   separator = format.separator != '\0' ? format.separator : find_separator(line);
   const Splitter splitter{separator, format.header};
   const bool ended = splitter.split(line, [&](std::string_view cell, std::size_t at) {
+    if (columns.size() == format.max_columns)
+      refuse(file, lines.number(), fmt::format("has more than {} columns", format.max_columns), "fewer");
     CsvColumn c;
     if (format.header) {
       HeaderName name = split_header(unquote(cell));
@@ -163,8 +167,6 @@ bool begin_table(Lines& lines, std::string_view text, const CsvFormat& format, c
     columns.push_back(std::move(c));
   });
   if (!ended) refuse(file, lines.number(), "has a quote that does not end");
-  if (columns.size() > format.max_columns)
-    refuse(file, lines.number(), fmt::format("has {} columns", columns.size()), fmt::format("at most {}", format.max_columns));
   if (!format.header) {
     lines = before;
     return true;
@@ -191,7 +193,9 @@ bool begin_table(Lines& lines, std::string_view text, const CsvFormat& format, c
 
 void cell_count_problem(Problems& problems, std::size_t& count, const std::string& file, int line, std::size_t cells,
                         std::size_t columns) {
-  if (++count <= kRowProblemsKept)
+  if (++count > kRowProblemsRead)
+    refuse(file, line, fmt::format("is one of more than {} rows with too few or too many cells", kRowProblemsRead));
+  if (count <= kRowProblemsKept)
     problems.push_back({file, line, 0, {}, fmt::format("has {} cells", cells), fmt::format("{} as in the header", columns)});
 }
 
@@ -319,6 +323,8 @@ CsvTable parse_csv(std::string_view text, const std::string& file, const CsvForm
     if (!ended) {
       if (++row_problems <= kRowProblemsKept)
         table.problems.push_back({file, lines.number(), 0, {}, "has a quote that does not end", {}});
+      if (row_problems > kRowProblemsRead)
+        refuse(file, lines.number(), fmt::format("is one of more than {} rows that are not whole", kRowProblemsRead));
     } else {
       std::size_t cells = 0;
       splitter.split(line, [&](std::string_view, std::size_t) { ++cells; });
@@ -340,7 +346,7 @@ CsvTable read_csv(const std::string& path, const CsvFormat& format) {
 }
 
 TextTable read_text_table(const std::string& path, const CsvFormat& format) {
-  const std::string bytes = read_file_bytes(path, std::min<std::size_t>(format.max_bytes, std::size_t{64} << 20));
+  const std::string bytes = read_file_bytes(path, std::min(format.max_bytes, kTextTableBytes));
   std::string_view text = bytes;
   refuse_binary(text, path);
   if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
@@ -359,14 +365,15 @@ TextTable read_text_table(const std::string& path, const CsvFormat& format) {
   while (lines.next(line)) {
     if (skipped(line, format)) continue;
     std::vector<TextTable::Cell> row;
+    std::size_t cells = 0;
     const bool ended = splitter.split(line, [&](std::string_view cell, std::size_t at) {
-      row.push_back({unquote(cell), lines.number(), static_cast<int>(at) + 1});
+      if (++cells <= table.columns.size() + 1) row.push_back({unquote(cell), lines.number(), static_cast<int>(at) + 1});
     });
     if (open_end && row.size() == table.columns.size() + 1 && row.back().text.empty()) row.pop_back();
     if (!ended) {
-      table.problems.push_back({path, lines.number(), 0, {}, "has a quote that does not end", {}});
+      refuse(path, lines.number(), "has a quote that does not end");
     } else if (row.size() != table.columns.size()) {
-      cell_count_problem(table.problems, row_problems, path, lines.number(), row.size(), table.columns.size());
+      cell_count_problem(table.problems, row_problems, path, lines.number(), cells, table.columns.size());
     }
     row.resize(table.columns.size(), {{}, lines.number(), 0});
     table.rows.push_back(std::move(row));

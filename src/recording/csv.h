@@ -20,7 +20,7 @@ struct CsvFormat {
   bool header = true;            // the first line names the columns; else they are "1", "2", ...
   std::size_t skip_rows = 0;     // lines before the header (or the first row)
   char comment = '\0';           // lines that begin with it are skipped; 0: none
-  std::size_t max_bytes = std::size_t{4} << 30;
+  std::size_t max_bytes = std::size_t{1} << 30;  // numbers take up to eight times as much in memory
   std::size_t max_rows = 200'000'000;
   std::size_t max_columns = 4096;
 };

@@ -3,10 +3,12 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <hdf5.h>
+#include <signal.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <limits>
@@ -619,7 +621,42 @@ TERRODE_INSTANTIATE(std::int64_t)
 TERRODE_INSTANTIATE(std::uint8_t)
 #undef TERRODE_INSTANTIATE
 
+namespace {
+
+// Asks the system to put a file or folder on the disk. Throws RunError where the disk says no; file systems that cannot
+// sync (EINVAL) are let be.
+void sync_to_disk(const std::string& path, int flags) {
+  const int fd = ::open(path.c_str(), flags);
+  if (fd < 0) return;
+  const bool failed = ::fsync(fd) != 0 && errno != EINVAL;
+  const int error = errno;
+  ::close(fd);
+  if (failed) throw RunError(fmt::format("{}: cannot write to disk: {}", path, std::strerror(error)));
+}
+
+// Removes what killed writers left beside `path`: parts of processes that are no more, untouched for a minute (a writer
+// on another machine touches its part more often).
+void clear_left_parts(const std::string& path) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  const fs::path whole = fs::absolute(path, error);
+  const std::string prefix = whole.filename().string() + ".part";
+  for (const auto& entry : fs::directory_iterator(whole.parent_path(), error)) {
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with(prefix) || name.size() == prefix.size() || name.size() > prefix.size() + 9) continue;
+    const std::string digits = name.substr(prefix.size());
+    if (digits.find_first_not_of("0123456789") != std::string::npos) continue;
+    std::error_code ignored;
+    const auto age = fs::file_time_type::clock::now() - entry.last_write_time(ignored);
+    if (ignored || age < std::chrono::minutes(1)) continue;
+    if (::kill(static_cast<pid_t>(std::stol(digits)), 0) != 0 && errno == ESRCH) fs::remove(entry.path(), ignored);
+  }
+}
+
+}  // namespace
+
 void write_atomically(const std::string& path, bool keep, const std::function<void(Hdf5File&)>& write) {
+  clear_left_parts(path);
   const std::string part = fmt::format("{}.part{}", path, ::getpid());
   std::error_code error;
   const bool copy = keep && std::filesystem::exists(path, error);
@@ -635,6 +672,7 @@ void write_atomically(const std::string& path, bool keep, const std::function<vo
     Hdf5File file = copy ? Hdf5File::open_for_writing(part) : Hdf5File::create(part);
     write(file);
     file.close();
+    sync_to_disk(part, O_RDONLY);  // closing wrote the file's head
     std::filesystem::rename(part, path, error);
     if (error) throw RunError(fmt::format("{}: cannot be replaced: {}", path, error.message()));
   } catch (...) {
@@ -642,12 +680,7 @@ void write_atomically(const std::string& path, bool keep, const std::function<vo
     throw;
   }
   // The rename itself is on disk once the folder is.
-  const std::string folder = std::filesystem::absolute(path).parent_path().string();
-  const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY);
-  if (fd >= 0) {
-    ::fsync(fd);
-    ::close(fd);
-  }
+  sync_to_disk(std::filesystem::absolute(path).parent_path().string(), O_RDONLY | O_DIRECTORY);
 }
 
 }  // namespace terrode::recording

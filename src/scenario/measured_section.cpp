@@ -37,7 +37,9 @@ Section measured_section() {
   section.name = "measured";
   section.read = [](const Node& node, const std::string& key, Source& source, Scenario& out) {
     if (node.kind == Node::Kind::scalar) {
-      out.measured_file = beside(source.file, node.text);
+      const std::size_t before = source.problems.size();
+      out.measured_file = named_path(node.text, node, key, source);
+      if (source.problems.size() > before) return;
       try {
         out.measured = load_recording(out.measured_file);
       } catch (const InputError& e) {

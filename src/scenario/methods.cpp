@@ -137,7 +137,7 @@ vehicle::SweepMethod make_method(const std::string& name, const Scenario& scenar
   return vehicle::rig_method(
       name, rig_spec(scenario), rig_motion(scenario), std::make_shared<terrode::wheel::Wheel>(scenario.wheel_shape()),
       [name, scenario, settings, in_ground](const recording::Condition&) { return make_ground(name, scenario, *in_ground, settings); },
-      *effects, settings.observe);
+      *effects, settings.observe, settings.resume);
 }
 
 std::optional<double> averaging_period(const std::string& method, const Scenario& scenario, const OperatingPoint& at) {

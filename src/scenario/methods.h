@@ -27,6 +27,7 @@ struct MethodSettings {
   int threads = 1;  // that one point may use itself
   std::function<void(vehicle::Rig&)> observe;  // sees a run at time zero and after every sample; where points run in
                                                // parallel it is called from several threads
+  std::shared_ptr<const recording::Checkpoint> resume;  // of a run that was cut off: the run begins there
 };
 
 // A method made ready for this scenario. Throws InputError where the scenario lacks what the method needs, or the

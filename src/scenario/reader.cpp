@@ -396,6 +396,27 @@ Node parse_yaml(const std::string& text, const std::string& file, const ReadLimi
   }
 }
 
+std::string named_files(const Node& node, const std::string& folder) {
+  std::string out;
+  if (node.kind == Node::Kind::scalar && !node.text.empty() && node.text.size() < 4096) {
+    std::error_code error;
+    const std::filesystem::path path = std::filesystem::path(folder) / node.text;
+    if (std::filesystem::is_regular_file(path, error)) {
+      std::uint64_t hash = 1469598103934665603ull;  // FNV-1a
+      const std::unique_ptr<std::FILE, int (*)(std::FILE*)> in(std::fopen(path.c_str(), "rb"), &std::fclose);
+      char buffer[1 << 14];
+      for (std::size_t n = 1; in && n > 0;) {
+        n = std::fread(buffer, 1, sizeof buffer, in.get());
+        for (std::size_t i = 0; i < n; ++i) hash = (hash ^ static_cast<unsigned char>(buffer[i])) * 1099511628211ull;
+      }
+      out += fmt::format("{} {:016x}\n", node.text, hash);
+    }
+  }
+  for (const Node& item : node.items) out += named_files(item, folder);
+  for (const Node::Entry& e : node.entries) out += named_files(e.value, folder);
+  return out;
+}
+
 Node read_yaml(const std::string& path, const ReadLimits& limits) {
   return parse_yaml(read_text_file(path, limits.bytes), path, limits);
 }
@@ -490,6 +511,22 @@ std::vector<double> read_numbers(const Node& node, const std::string& key, const
   return out;
 }
 
+std::string named_path(const std::string& name, const Node& where, const std::string& key, Source& source) {
+  namespace fs = std::filesystem;
+  const fs::path folder = fs::path(source.file).parent_path();
+  const fs::path path = fs::path(name).is_absolute() ? fs::path(name) : folder / name;
+  std::error_code error;
+  const fs::path here = fs::weakly_canonical(folder.empty() ? fs::path(".") : folder, error);
+  const fs::path there = fs::weakly_canonical(path, error);
+  const fs::path relative = there.lexically_relative(here);
+  if (relative.empty() || *relative.begin() == "..")
+    source.note(where, key, fmt::format("names '{}', outside the folder of this file", there.string()));
+  const fs::file_status status = fs::status(path, error);
+  if (fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status))
+    source.problem(where, key, fmt::format("names '{}', a device or pipe", path.string()), "a file");
+  return path.lexically_normal().string();
+}
+
 MapReader::MapReader(const Node& node, std::string path, Source& source, Unknown unknown)
     : node_(node), path_(std::move(path)), source_(source), unknown_(unknown) {
   if (node.kind != Node::Kind::map)
@@ -565,8 +602,10 @@ std::vector<std::pair<std::string, const Node*>> MapReader::items(const std::str
 std::vector<std::pair<std::string, const Node*>> MapReader::finish() {
   std::vector<std::pair<std::string, const Node*>> left;
   const std::vector<std::string> known(known_.begin(), known_.end());
+  constexpr std::size_t kMostProblems = 200;  // more help nobody
   for (const Node::Entry& e : node_.entries) {
     if (known_.contains(e.key)) continue;
+    if (source_.problems.size() >= kMostProblems) break;
     Node where;
     where.line = e.line;
     where.column = e.column;

@@ -72,6 +72,10 @@ Node parse_yaml(const std::string& text, const std::string& file, const ReadLimi
 // read_text_file and parse_yaml in one.
 Node read_yaml(const std::string& path, const ReadLimits& limits = {});
 
+// Every file that a text of the tree names (relative to `folder`) and that is there, with a digest of its bytes, one a
+// line: two trees with equal text and equal lines mean the same.
+std::string named_files(const Node& node, const std::string& folder);
+
 // Writes a node as block YAML that parse_yaml reads back to the same values.
 std::string to_yaml(const Node& node);
 
@@ -103,6 +107,10 @@ std::optional<std::string> read_choice(const Node& node, const std::string& key,
 // A list of numbers; a single number is a list of one.
 std::vector<double> read_numbers(const Node& node, const std::string& key, const std::string& unit, const Range& range,
                                  Source& source);
+
+// The path of a file that the text `name` at `where` names, relative to the folder of source.file. A path that leads out
+// of that folder (by "..", as an absolute path or by a link) is noted, one to a device or a pipe is a problem.
+std::string named_path(const std::string& name, const Node& where, const std::string& key, Source& source);
 
 // Reads one map key by key. Each getter returns nothing when the key is absent or wrong (then a problem was added), and
 // remembers that the key is known; finish() says what is left over.

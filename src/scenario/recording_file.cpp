@@ -75,7 +75,7 @@ class Reader {
     read_wheel(top);
     read_soil(top);
     rule_ = read_reading_rule(top, {});
-    tare_file_ = top.text("tare").value_or("");
+    tare_file_ = look_at(top.text("tare").value_or(""), top.node(), "tare", source_);
 
     const bool has_runs = top.has("runs"), has_table = top.has("runs_table");
     if (has_runs && has_table) source_.problem(*root.find("runs_table"), "runs_table", "is given beside runs", "one of the two");
@@ -98,6 +98,14 @@ class Reader {
  private:
   std::string inside(const std::string& name) const {
     return (fs::path(out_.recording.folder) / name).lexically_normal().string();
+  }
+
+  // What leads out of the recording's folder is said; a device or pipe is refused.
+  std::string look_at(const std::string& name, const Node& where, const std::string& key, Source& source) const {
+    if (name.empty()) return name;
+    const std::size_t before = source.problems.size();
+    named_path(name, where, key, source);
+    return source.problems.size() > before ? std::string() : name;
   }
 
   // Keys that nobody asked for: an error when one letter away from a known one, else kept with a note.
@@ -274,7 +282,7 @@ class Reader {
       pending.node = node;
       pending.key = key;
       run.id = m.text("id").value_or("");
-      run.file = m.text("file").value_or("");
+      run.file = look_at(m.text("file").value_or(""), *node, m.key("file"), source_);
       if (node->kind == Node::Kind::map && !node->find("file")) own.problem(*node, m.key("file"), "is missing", "the name of the run's table");
       if (run.id.empty()) run.id = run.file.empty() ? fmt::format("run{}", runs.size()) : fs::path(run.file).stem().string();
       RunKeys keys{m.number("slip", "-"), file_, node->line, node->column, key + "."};
@@ -284,7 +292,7 @@ class Reader {
       run.condition.pass = static_cast<int>(m.integer("pass", 1, kMaxPass).value_or(1));
       run.condition.repeat = static_cast<int>(m.integer("repeat", 1, kMaxPass).value_or(1));
       pending.rule = read_reading_rule(m, rule_);
-      pending.tare = m.text("tare").value_or(tare_file_);
+      pending.tare = m.has("tare") ? look_at(m.text("tare").value_or(""), *node, m.key("tare"), source_) : tare_file_;
       for (const auto& [name, value] : m.finish()) {
         run.condition.extra[name] = as_text(*value);
         ++further_keys_[name];
@@ -298,12 +306,13 @@ class Reader {
   }
 
   void read_runs_table(MapReader& top) {
-    const auto name = top.text("runs_table");
-    if (!name) return;
+    if (!top.has("runs_table")) return;
     const Node& where = *top.node().find("runs_table");
+    const std::string name = look_at(top.text("runs_table").value_or(""), where, "runs_table", source_);
+    if (name.empty()) return;
     TextTable table;
     try {
-      table = recording::read_text_table(inside(*name), rule_.csv);
+      table = recording::read_text_table(inside(name), rule_.csv);
     } catch (const InputError& e) {
       add_located(e, where, "runs_table");
       return;
@@ -388,7 +397,10 @@ class Reader {
           continue;
         }
         if (use.kind == Use::Kind::file) {
-          run.file = cell.text;
+          Node place;
+          place.line = cell.line;
+          place.column = cell.column;
+          run.file = look_at(cell.text, place, "file", source_);
           continue;
         }
         if (use.kind == Use::Kind::kept) {
@@ -472,7 +484,7 @@ class Reader {
       m.need("kind");
       const auto kind = m.choice("kind", {"pressure_sinkage", "direct_shear"});
       m.need("file");
-      const std::string name = m.text("file").value_or("");
+      const std::string name = look_at(m.text("file").value_or(""), *node, m.key("file"), source_);
       const auto rate = m.number("rate", "m/s", at_least(0));
       const bool pressure = kind == "pressure_sinkage";
       recording::PressureSinkageTest plate;

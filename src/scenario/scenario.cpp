@@ -111,15 +111,12 @@ const std::vector<double>& default_slips() {
   return slips;
 }
 
-std::string beside(const std::string& file, const std::string& path) {
-  const fs::path p(path);
-  return p.is_absolute() ? path : (fs::path(file).parent_path() / p).string();
-}
-
 void inline_or_file(const Node& node, const std::string& key, Source& source,
                     const std::function<void(const Node&, const std::string&, Source&)>& read) {
   if (node.kind != Node::Kind::scalar) return read(node, key, source);
-  const std::string path = beside(source.file, node.text);
+  const std::size_t before = source.problems.size();
+  const std::string path = named_path(node.text, node, key, source);
+  if (source.problems.size() > before) return;
   try {
     const Node root = read_yaml(path);
     Source below{path, {}, {}};

@@ -28,9 +28,6 @@ Section effects_section();
 Section sweep_section();
 Section measured_section();
 
-// A path named in a file, relative to that file's folder.
-std::string beside(const std::string& file, const std::string& path);
-
 // Calls `read` with the section itself, or, where the value is text, with the content of the file it names.
 void inline_or_file(const Node& node, const std::string& key, Source& source,
                     const std::function<void(const Node&, const std::string& key, Source&)>& read);

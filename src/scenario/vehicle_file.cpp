@@ -164,10 +164,17 @@ VehicleSpec read_machine(const Node& node, const std::string& key, Source& sourc
   return v;
 }
 
-std::shared_ptr<const terrain::Surface> read_surface(MapReader& map, const std::string& file) {
+std::shared_ptr<const terrain::Surface> read_surface(MapReader& map) {
   const std::string kind = map.choice("kind", {"level", "slope", "fractal", "png", "ascii"}).value_or("level");
   std::shared_ptr<const terrain::Surface> out;
   Source& source = map.source();
+  std::string path;
+  if (kind == "png" || kind == "ascii") {
+    const std::size_t before = source.problems.size();
+    path = named_path(map.text("file").value_or(""), map.node(), map.key("file"), source);
+    map.need("file");
+    if (source.problems.size() > before) return nullptr;
+  }
   try {
     if (kind == "slope") {
       const double angle = map.number("angle", "rad", between(-1.2, 1.2)).value_or(0.0);
@@ -181,16 +188,15 @@ std::shared_ptr<const terrain::Surface> read_surface(MapReader& map, const std::
       if (const auto seed = map.integer("seed", 0, 1L << 40)) p.seed = static_cast<std::uint64_t>(*seed);
       out = std::make_shared<terrain::FractalSurface>(p);
     } else if (kind == "png") {
-      const std::string image = text_of(map, "file");
       map.need("cell");
       map.need("white");
       const double cell = map.number("cell", "m", above(0)).value_or(1.0);
       const double black = map.number("black", "m").value_or(0.0), white = map.number("white", "m").value_or(0.0);
       const double x0 = map.number("x0", "m").value_or(0.0), y0 = map.number("y0", "m").value_or(0.0);
       out = std::make_shared<terrain::GridSurface>(
-          terrain::read_png_heights(beside(file, image), cell, black, white, x0, y0));
+          terrain::read_png_heights(path, cell, black, white, x0, y0));
     } else if (kind == "ascii") {
-      out = std::make_shared<terrain::GridSurface>(terrain::read_ascii_heights(beside(file, text_of(map, "file"))));
+      out = std::make_shared<terrain::GridSurface>(terrain::read_ascii_heights(path));
     }
   } catch (const InputError& e) {
     for (const Problem& p : e.problems()) source.problem(map.node(), map.key(p.key), p.message, p.expected);
@@ -280,7 +286,7 @@ DriveScenario parse_drive(const std::string& text, const std::string& file) {
   if (out.ground == "node-spring") map.need("soil");
   for (const Section& section : {soil_section(), terrain_section(), effects_section()})
     if (const Node* node = map.find(section.name)) section.read(*node, section.name, source, out.base);
-  if (auto s = map.section("surface")) out.surface = read_surface(*s, file);
+  if (auto s = map.section("surface")) out.surface = read_surface(*s);
   double gravity = 9.81, slope = 0.0;
   take(gravity, map.number("gravity", "m/s^2", above(0)));
   take(slope, map.number("slope", "rad", between(-1.2, 1.2)));
@@ -322,10 +328,13 @@ std::unique_ptr<vehicle::Controller> DriveScenario::make_controller() const {
   return std::make_unique<PathFollower>(waypoints, path);
 }
 
-DriveResult run_drive(const DriveScenario& drive, const Progress& progress) {
+DriveResult run_drive(const DriveScenario& drive, const Progress& progress, const DriveObserver& observe,
+                      const recording::Checkpoint* resume) {
   const effects::EffectSet effects = effect_set(drive.base);
   Vehicle v(drive.machine, drive.options, drive.make_ground(effects));
   const auto controller = drive.make_controller();
+  if (resume) v.resume(*resume, *controller);
+  if (observe) v.set_observer([&](Vehicle& vehicle) { observe(vehicle, *controller); });
   DriveResult out;
   out.run = v.run(*controller, drive.duration, progress);
   out.run.id = drive.machine.name;

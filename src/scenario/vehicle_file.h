@@ -2,6 +2,7 @@
 // described in place), the ground, and what it is to do. docs/formats-vehicle.md lists the keys.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -50,7 +51,12 @@ struct DriveResult {
   vehicle::VehicleEnergy energy;
 };
 
-// Runs it. Throws RunError when the machine is lost, Interrupted when asked to stop.
-DriveResult run_drive(const DriveScenario& drive, const Progress& progress = {});
+// Sees the machine after every sample of a drive, between steps; it must change nothing.
+using DriveObserver = std::function<void(vehicle::Vehicle&, const vehicle::Controller&)>;
+
+// Runs it, from its beginning or from a checkpoint (Vehicle::checkpoint). Throws RunError when the machine is lost,
+// Interrupted when asked to stop.
+DriveResult run_drive(const DriveScenario& drive, const Progress& progress = {}, const DriveObserver& observe = {},
+                      const recording::Checkpoint* resume = nullptr);
 
 }  // namespace terrode::scenario

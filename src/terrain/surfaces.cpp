@@ -102,6 +102,11 @@ Place place(const HeightGrid& g, double x, double y) {
           u == cu, v == cv};
 }
 
+// A map of 64 million heights takes half a gigabyte.
+constexpr unsigned kMostAcross = 20000;
+constexpr std::uint64_t kMostHeights = 64'000'000;
+constexpr std::streamsize kLongestLine = 1 << 24;
+
 struct FileCloser {
   void operator()(std::FILE* f) const { std::fclose(f); }
 };
@@ -162,12 +167,14 @@ HeightGrid read_png_heights(const std::string& path, double cell, double black, 
   }
   png_init_io(png, file.get());
   png_set_sig_bytes(png, 8);
-  png_set_user_limits(png, 20000, 20000);
+  png_set_user_limits(png, kMostAcross, kMostAcross);
+  png_set_chunk_malloc_max(png, 8u << 20);  // a small file can swell when it is unpacked
   png_read_info(png, info);
   png_get_IHDR(png, info, &width, &height, &depth, &colour, nullptr, nullptr, nullptr);
   grey = colour == PNG_COLOR_TYPE_GRAY || colour == PNG_COLOR_TYPE_GRAY_ALPHA;
   small = width < 2 || height < 2;
-  if (grey && !small) {
+  const bool large = static_cast<std::uint64_t>(width) * height > kMostHeights;
+  if (grey && !small && !large) {
     if (depth < 8) png_set_expand_gray_1_2_4_to_8(png);
     png_set_strip_alpha(png);
     png_set_interlace_handling(png);
@@ -181,6 +188,7 @@ HeightGrid read_png_heights(const std::string& path, double cell, double black, 
   png_destroy_read_struct(&png, &info, nullptr);
   if (!grey) throw fail("is a colour picture", "a grey PNG");
   if (small) throw fail("is smaller than 2 x 2 pixels", "a grey PNG");
+  if (large) throw fail("has " + std::to_string(width) + " x " + std::to_string(height) + " pixels", "at most 64 million");
   HeightGrid grid{static_cast<int>(width), static_cast<int>(height), x0, y0, cell, {}};
   grid.heights.resize(static_cast<std::size_t>(width) * height);
   for (png_uint_32 j = 0; j < height; ++j) {
@@ -192,6 +200,25 @@ HeightGrid read_png_heights(const std::string& path, double cell, double black, 
   }
   return grid;
 }
+
+namespace {
+
+// A line, read up to `limit` bytes; the stream fails where it is longer. False at the end.
+bool getline_within(std::istream& in, std::string& line, std::streamsize limit) {
+  line.clear();
+  if (in.peek() == std::char_traits<char>::eof()) return false;
+  for (int c = in.get(); c != std::char_traits<char>::eof() && c != '\n'; c = in.get()) {
+    if (static_cast<std::streamsize>(line.size()) == limit) {
+      in.setstate(std::ios::failbit);
+      return true;
+    }
+    line.push_back(static_cast<char>(c));
+  }
+  if (in.eof()) in.clear(std::ios::eofbit);
+  return true;
+}
+
+}  // namespace
 
 HeightGrid read_ascii_heights(const std::string& path) {
   std::ifstream in(path);
@@ -206,8 +233,9 @@ HeightGrid read_ascii_heights(const std::string& path) {
   const auto wrong = [&](const std::string& key, const std::string& what, const std::string& expected) {
     problems.push_back({path, number, 1, key, what, expected});
   };
-  while (std::getline(in, line)) {
+  while (getline_within(in, line, kLongestLine)) {
     ++number;
+    if (in.fail()) throw InputError(Problem{path, number, 0, {}, "is longer than 16 MiB", "shorter lines"});
     std::istringstream words(line);
     std::string word;
     while (words >> word) {
@@ -235,12 +263,13 @@ HeightGrid read_ascii_heights(const std::string& path) {
       else if (has_missing && *value == missing) wrong({}, "a height is missing (" + word + ")", "heights everywhere");
       else values.push_back(*value);
       if (problems.size() > 20) throw InputError(problems);
+      if (values.size() > kMostHeights) throw InputError(Problem{path, number, 0, {}, "holds too many heights", "at most 64 million"});
     }
   }
   number = 0;
-  constexpr double most = 20000;
-  if (!(columns >= 2 && columns <= most)) wrong("ncols", "is missing or out of range", "a number from 2 to 20000");
-  if (!(rows >= 2 && rows <= most)) wrong("nrows", "is missing or out of range", "a number from 2 to 20000");
+  constexpr double most = kMostAcross;
+  if (!(columns >= 2 && columns <= most && columns == std::floor(columns))) wrong("ncols", "is missing or out of range", "a whole number from 2 to 20000");
+  if (!(rows >= 2 && rows <= most && rows == std::floor(rows))) wrong("nrows", "is missing or out of range", "a whole number from 2 to 20000");
   if (!has_cell || !(grid.cell > 0)) wrong("cellsize", "is missing or not above 0", "a size in metres");
   if (problems.empty() && static_cast<double>(values.size()) != columns * rows)
     wrong({}, "holds " + std::to_string(values.size()) + " heights", "ncols times nrows");

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "terrain/particle_view.h"
@@ -145,6 +146,79 @@ void FrameRecorder::observe(double time, Simulation& simulation) {
     if (radius_.size() < before) throw RunError("particles were lost between two frames");
   }
   frames_.push_back(std::move(frame));
+}
+
+std::vector<std::uint8_t> FrameRecorder::state() const {
+  std::vector<std::uint8_t> out;
+  const auto put = [&out](const void* data, std::size_t size) {
+    const auto* bytes = static_cast<const std::uint8_t*>(data);
+    out.insert(out.end(), bytes, bytes + size);
+  };
+  const auto put_all = [&put](const auto& values) {
+    const std::uint64_t n = values.size();
+    put(&n, sizeof n);
+    if (n > 0) put(values.data(), n * sizeof values[0]);
+  };
+  std::vector<double> numbers = {next_};
+  for (const recording::Frame& f : frames_) {
+    numbers.push_back(f.time);
+    for (const recording::FrameBodyState& b : f.bodies)
+      for (const Vec3* v : {&b.pose.p_W, &b.soil.F_W, &b.soil.M_W}) numbers.insert(numbers.end(), v->data(), v->data() + 3);
+    for (const recording::FrameBodyState& b : f.bodies)
+      numbers.insert(numbers.end(), b.pose.R_WB.coeffs().data(), b.pose.R_WB.coeffs().data() + 4);
+  }
+  const std::uint64_t count = frames_.size();
+  put(&count, sizeof count);
+  put_all(numbers);
+  put_all(radius_);
+  for (const recording::Frame& f : frames_)
+    for (const std::vector<float>* v : {&f.height, &f.pressure, &f.position, &f.velocity}) put_all(*v);
+  return out;
+}
+
+void FrameRecorder::take_up(const std::vector<std::uint8_t>& state, Simulation& simulation) {
+  std::size_t at = 0;
+  const auto fail = [] { throw InputError(Problem{{}, 0, 0, "checkpoint", "has frames of another run", {}}); };
+  const auto get = [&](void* data, std::size_t size) {
+    if (size > state.size() - at) fail();
+    if (size > 0) std::memcpy(data, state.data() + at, size);
+    at += size;
+  };
+  const auto get_all = [&](auto& values) {
+    std::uint64_t n = 0;
+    get(&n, sizeof n);
+    if (n > (state.size() - at) / sizeof values[0]) fail();
+    values.resize(n);
+    get(values.data(), n * sizeof values[0]);
+  };
+  std::uint64_t count = 0;
+  std::vector<double> numbers;
+  get(&count, sizeof count);
+  get_all(numbers);
+  get_all(radius_);
+  const std::size_t bodies = simulation.contacts().size();
+  if (numbers.empty() || count > numbers.size() || numbers.size() != 1 + count * (1 + 13 * bodies)) fail();
+  layout_ = {};
+  lay_out(simulation);
+  frames_.clear();
+  next_ = numbers[0];
+  const double* x = numbers.data() + 1;
+  for (std::uint64_t k = 0; k < count; ++k) {
+    recording::Frame f;
+    f.time = *x++;
+    f.bodies.resize(bodies);
+    for (recording::FrameBodyState& b : f.bodies)
+      for (Vec3* v : {&b.pose.p_W, &b.soil.F_W, &b.soil.M_W}) {
+        *v = Vec3(x[0], x[1], x[2]);
+        x += 3;
+      }
+    for (recording::FrameBodyState& b : f.bodies) {
+      b.pose.R_WB.coeffs() << x[0], x[1], x[2], x[3];
+      x += 4;
+    }
+    for (std::vector<float>* v : {&f.height, &f.pressure, &f.position, &f.velocity}) get_all(*v);
+    frames_.push_back(std::move(f));
+  }
 }
 
 void FrameRecorder::write(recording::Hdf5File& file) const {

@@ -2,6 +2,7 @@
 // pressure on a grid, and its particles where it has any.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -37,6 +38,11 @@ class FrameRecorder {
   // Bodies and ground; particles are laid out by write().
   const recording::FrameLayout& layout() const { return layout_; }
   const std::vector<recording::Frame>& frames() const { return frames_; }
+
+  // All frames taken so far, for a checkpoint; a recorder of the same settings that takes them up goes on as if never
+  // left. take_up() throws InputError for bytes of another recorder.
+  std::vector<std::uint8_t> state() const;
+  void take_up(const std::vector<std::uint8_t>& state, Simulation& simulation);
 
   // Writes /frames (and /particles) into an open file; particles that were laid on the way lie in earlier frames where
   // they were first seen. Throws RunError.

@@ -332,6 +332,13 @@ constexpr SampleChannel sample_channels[] = {
     {"contact_count", "", &RigSample::contact_count},
 };
 
+recording::Run empty_run(recording::Condition condition) {
+  recording::Run run;
+  run.condition = std::move(condition);
+  for (const SampleChannel& c : sample_channels) run.channels.push_back({c.name, c.unit, {}});
+  return run;
+}
+
 }  // namespace
 
 const wheel::Body& Rig::shape() const { return *simulation_->contacts().front().shape; }
@@ -341,14 +348,12 @@ recording::Run Rig::run(const Progress& progress) {
   const double h = spec_.time_step;
   const auto block = static_cast<std::uint64_t>(std::max(1.0, std::round(spec_.sample_interval / h)));
   const auto count = static_cast<std::size_t>(planned_ / h / static_cast<double>(block)) + 2;
-  recording::Run run;
-  run.condition = condition_of(spec_, motion_);
+  const bool resumed = !run_.channels.empty();
+  if (!resumed) run_ = empty_run(condition_of(spec_, motion_));
+  recording::Run& run = run_;
   run.time.reserve(count);
-  for (const SampleChannel& c : sample_channels) {
-    run.channels.push_back({c.name, c.unit, {}});
-    run.channels.back().values.reserve(count);
-  }
-  if (observer_) observer_(*this);
+  for (recording::Channel& c : run.channels) c.values.reserve(count);
+  if (observer_ && !resumed) observer_(*this);
   while (!finished()) {
     if (progress.stop_requested())
       throw Interrupted(fmt::format("stopped at t = {:.6g} of {:.6g} s", last_.time, planned_));
@@ -366,7 +371,27 @@ recording::Run Rig::run(const Progress& progress) {
     if (observer_) observer_(*this);
     progress.report(std::min(1.0, last_.time / planned_), "rig");
   }
-  return run;
+  return std::move(run_);
+}
+
+recording::Checkpoint Rig::checkpoint() const {
+  recording::Checkpoint c;
+  const RigState state = snapshot();
+  c.numbers["world"] = state.simulation.world;
+  c.numbers["contacts"] = state.simulation.contacts;
+  c.numbers["rig"] = state.numbers;
+  c.numbers["earlier_seconds"] = {earlier_seconds_};
+  c.bytes["ground"] = state.simulation.ground;
+  c.put_samples(run_);
+  return c;
+}
+
+void Rig::resume(const recording::Checkpoint& c) {
+  recording::Run run = empty_run(condition_of(spec_, motion_));
+  c.take_samples(run);
+  restore({{c.number("world"), c.byte("ground"), c.number("contacts")}, c.number("rig")});
+  if (!c.number("earlier_seconds").empty()) earlier_seconds_ = c.number("earlier_seconds").front();
+  run_ = std::move(run);
 }
 
 RigState Rig::snapshot() const {

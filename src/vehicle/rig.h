@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "core/progress.h"
+#include "recording/checkpoint.h"
 #include "recording/recording.h"
 #include "vehicle/simulation.h"
 
@@ -120,6 +121,12 @@ class Rig {
   // Touchdown, if not yet done, and all steps; the samples as channels. What ended the run early, or could not be
   // reached, is in `events`. Throws Interrupted when asked to stop.
   recording::Run run(const Progress& progress = {});
+  // The samples that run() has taken until now: all there is when it throws.
+  const recording::Run& so_far() const { return run_; }
+  // Between two samples of run() (in the observer): rig, ground and samples. A rig of the same make that is set to it
+  // goes on with run() bit for bit. resume() throws InputError for a state of another rig.
+  recording::Checkpoint checkpoint() const;
+  void resume(const recording::Checkpoint& checkpoint);
   // Called by run() at time zero and after every sample, between steps: for pictures of the run. It must change nothing.
   void set_observer(std::function<void(Rig&)> observer) { observer_ = std::move(observer); }
   const std::vector<std::string>& events() const { return events_; }
@@ -133,6 +140,10 @@ class Rig {
   const RigSpec& spec() const { return spec_; }
   const wheel::Body& shape() const;
   const RigMotion& motion() const { return motion_; }
+
+  // Seconds simulated in earlier passes over the same ground: kept with a checkpoint, of no effect.
+  void set_earlier_seconds(double seconds) { earlier_seconds_ = seconds; }
+  double earlier_seconds() const { return earlier_seconds_; }
 
   // Gives the ground up, ruts and all, for a next pass; the rig is done then.
   std::unique_ptr<terrain::Terrain> release_ground() { return std::move(ground_); }
@@ -162,7 +173,9 @@ class Rig {
   double applied_pull_ = 0.0;
   double drive_work_ = 0.0;
   double start_kinetic_ = 0.0;
+  double earlier_seconds_ = 0.0;
   RigSample last_;
+  recording::Run run_;
   std::vector<std::string> events_;
   std::function<void(Rig&)> observer_;
 };

@@ -86,7 +86,13 @@ std::vector<SweepPoint> sweep(const std::vector<SweepMethod>& methods,
     own.report(1.0, {});
     const std::lock_guard<std::mutex> lock(mutex);
     ++ended;
-    if (options.on_point) options.on_point(point);
+    try {
+      if (options.on_point) options.on_point(point);
+    } catch (...) {
+      interrupted = true;  // no hours of work for a disk that is full
+      throw;
+    }
+    if (!options.keep_series) point.result.run = {};
   });
   if (interrupted)
     throw Interrupted(
@@ -157,19 +163,38 @@ SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& so
   return {"steady", run};
 }
 
+namespace {
+bekker::ContactShape carried(const recording::Condition& c, double wheel_load, const effects::EffectSet& effects) {
+  bekker::Context asked;
+  asked.slip = c.slip;
+  asked.normal_load = c.normal_load.value_or(wheel_load);
+  return effects.carried_by_rig(asked);
+}
+}  // namespace
+
+void read_instruments(recording::Run& run, const recording::Condition& c, double wheel_load,
+                      const effects::EffectSet& effects, const wheel::Rolling& rim) {
+  run.condition = c;
+  run.condition.normal_load = c.normal_load.value_or(wheel_load);
+  // The recorded slip is the one computed from speeds and the believed radius.
+  const double given = carried(c, wheel_load, effects).slip;
+  if (given != c.slip)
+    for (recording::Channel& channel : run.channels)
+      if (channel.name == "slip")
+        for (double& value : channel.values) value += c.slip - given;
+  apply_instruments(effects, rim, run);
+}
+
 SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMotion& motion,
                        std::shared_ptr<const wheel::Body> shape,
                        std::function<std::unique_ptr<terrain::Terrain>(const recording::Condition&)> ground,
-                       const effects::EffectSet& effects, std::function<void(Rig&)> observe) {
+                       const effects::EffectSet& effects, std::function<void(Rig&)> observe,
+                       std::shared_ptr<const recording::Checkpoint> resume) {
   throw_if_any(spec.validate());
   const auto run = [=](const recording::Condition& c, const Progress& progress) {
     RigSpec s = spec;
     RigMotion m = motion;
-    const double load = c.normal_load.value_or(s.normal_load);
-    bekker::Context asked;
-    asked.slip = c.slip;
-    asked.normal_load = load;
-    const bekker::ContactShape given = effects.carried_by_rig(asked);
+    const bekker::ContactShape given = carried(c, s.normal_load, effects);
     s.normal_load = given.normal_load;
     m.slip = given.slip;
     m.angular_velocity = c.angular_velocity.value_or(m.angular_velocity);
@@ -177,8 +202,10 @@ SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMo
     if (std::isinf(c.slip) && c.slip < 0.0) m.angular_velocity = 0.0;
     std::unique_ptr<terrain::Terrain> bed = ground(c);
     PointResult out;
-    for (int pass = 1; pass <= c.pass; ++pass) {
+    for (int pass = resume ? c.pass : 1; pass <= c.pass; ++pass) {
       Rig rig(s, m, shape, std::move(bed));
+      rig.set_earlier_seconds(out.simulated_seconds);
+      if (resume) rig.resume(*resume);
       Progress share = progress;
       share.report = [&](double fraction, const std::string& what) {
         progress.report((pass - 1 + fraction) / c.pass, what);
@@ -186,17 +213,10 @@ SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMo
       if (pass == c.pass) rig.set_observer(observe);
       out.run = rig.run(share);
       out.events = rig.events();
-      out.simulated_seconds += rig.simulated_seconds();
+      out.simulated_seconds = rig.earlier_seconds() + rig.simulated_seconds();
       bed = rig.release_ground();
     }
-    out.run.condition = c;
-    out.run.condition.normal_load = load;
-    // The recorded slip is the one computed from speeds and the believed radius.
-    if (given.slip != c.slip)
-      for (recording::Channel& channel : out.run.channels)
-        if (channel.name == "slip")
-          for (double& value : channel.values) value += c.slip - given.slip;
-    apply_instruments(effects, *shape->rolling(), out.run);
+    read_instruments(out.run, c, spec.normal_load, effects, *shape->rolling());
     return out;
   };
   return {name, run};

@@ -47,8 +47,10 @@ struct SweepPoint {
 struct SweepOptions {
   int threads = 0;  // 0: all cores
   // Called once for each point as it ends, one at a time but in any order: write it there, and an interrupted sweep can
-  // be resumed.
+  // be resumed. What it throws ends the sweep.
   std::function<void(const SweepPoint&)> on_point;
+  // False: a point's time series is dropped after on_point, so that memory does not grow with the number of points.
+  bool keep_series = true;
   // Points for which this is true are left out (they are there already).
   std::function<bool(const std::string& method, const recording::Condition&)> skip;
 };
@@ -71,14 +73,20 @@ SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& so
                           const effects::EffectSet& effects = {}, const bekker::PointLaw& law = {},
                           const bekker::SteadyOptions& options = {}, double travel = 0.0);
 
+// What the laboratory would have recorded of a rig's samples: the believed slip, then what instruments make of it.
+// `condition` is what was asked for, `wheel_load` [N] the rig's own where that names none.
+void read_instruments(recording::Run& run, const recording::Condition& condition, double wheel_load,
+                      const effects::EffectSet& effects, const wheel::Rolling& rim);
+
 // The rig on a ground as a method. `ground` makes a fresh one for each point (called from several threads); load, speed
 // and slip of spec and motion are replaced by the condition's. Of `effects` the rig takes what acts on load, slip and
 // instruments; those of soil, wheel and bed (EffectSet::for_ground) are for `ground` to build in. A condition's pass
 // above 1 runs the earlier passes first, on the same ground from the same start. `observe` sees the last pass
-// (Rig::set_observer).
+// (Rig::set_observer); with `resume`, a checkpoint of the last pass, a point begins there.
 SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMotion& motion,
                        std::shared_ptr<const wheel::Body> shape,
                        std::function<std::unique_ptr<terrain::Terrain>(const recording::Condition&)> ground,
-                       const effects::EffectSet& effects = {}, std::function<void(Rig&)> observe = {});
+                       const effects::EffectSet& effects = {}, std::function<void(Rig&)> observe = {},
+                       std::shared_ptr<const recording::Checkpoint> resume = {});
 
 }  // namespace terrode::vehicle

@@ -586,29 +586,35 @@ std::string Vehicle::immobile_reason() const {
   return "its wheels neither spin nor stall: it is held by its load or by an obstacle";
 }
 
+recording::Run Vehicle::empty_run() const {
+  recording::Run run;
+  for (const BodyChannel& c : body_channels) run.channels.push_back({c.name, c.unit, {}});
+  for (const VehicleWheelSpec& w : spec_.wheels)
+    for (const WheelChannel& c : wheel_channels) run.channels.push_back({w.name + "_" + c.name, c.unit, {}});
+  return run;
+}
+
 recording::Run Vehicle::run(Controller& controller, double duration, const Progress& progress) {
   if (!(duration > 0.0) || !std::isfinite(duration))
     throw InputError(problem("duration", fmt::format("is {:.6g} s", duration), "a finite time above 0"));
   settle(progress);
-  const double h = options_.time_step, begin = time();
+  const double h = options_.time_step;
   const auto block = static_cast<std::size_t>(std::max(1.0, std::round(options_.sample_interval / h)));
   const auto samples = static_cast<std::size_t>(duration / h / static_cast<double>(block)) + 2;
 
-  recording::Run run;
+  const bool resumed = !run_.channels.empty();
+  if (!resumed) {
+    run_ = empty_run();
+    course_ = {};
+    course_.mark_time = time();
+  }
+  recording::Run& run = run_;
   run.time.reserve(samples);
-  const auto add = [&](const std::string& name, const char* unit) {
-    run.channels.push_back({name, unit, {}});
-    run.channels.back().values.reserve(samples);
-  };
-  for (const BodyChannel& c : body_channels) add(c.name, c.unit);
-  for (const VehicleWheelSpec& w : spec_.wheels)
-    for (const WheelChannel& c : wheel_channels) add(w.name + "_" + c.name, c.unit);
-
+  for (recording::Channel& c : run.channels) c.values.reserve(samples);
   std::vector<double> sums(run.channels.size());
-  double mark_time = begin, commanded = 0.0, covered = 0.0;
-  bool ended = false;
+  auto& [n, mark_time, commanded, covered, ended] = course_;
   const auto steps = static_cast<std::size_t>(std::llround(duration / h));
-  for (std::size_t n = 0; n < steps && !ended;) {
+  while (n < steps && !ended) {
     if (progress.stop_requested()) throw Interrupted(fmt::format("stopped at t = {:.6g} s", time()));
     std::fill(sums.begin(), sums.end(), 0.0);
     double time_sum = 0.0;
@@ -645,9 +651,35 @@ recording::Run Vehicle::run(Controller& controller, double duration, const Progr
     const double scale = 1.0 / static_cast<double>(taken);
     run.time.push_back(time_sum * scale);
     for (std::size_t k = 0; k < sums.size(); ++k) run.channels[k].values.push_back(sums[k] * scale);
+    if (observer_) observer_(*this);
     progress.report(static_cast<double>(n) / static_cast<double>(steps), spec_.name);
   }
-  return run;
+  return std::move(run_);
+}
+
+recording::Checkpoint Vehicle::checkpoint(const Controller& controller) const {
+  recording::Checkpoint c;
+  const VehicleState state = snapshot(&controller);
+  c.numbers["world"] = state.simulation.world;
+  c.numbers["contacts"] = state.simulation.contacts;
+  c.numbers["vehicle"] = state.numbers;
+  c.numbers["controller"] = state.controller;
+  c.numbers["course"] = {static_cast<double>(course_.steps), course_.mark_time, course_.commanded, course_.covered,
+                         course_.ended ? 1.0 : 0.0};
+  c.bytes["ground"] = state.simulation.ground;
+  c.put_samples(run_);
+  return c;
+}
+
+void Vehicle::resume(const recording::Checkpoint& c, Controller& controller) {
+  recording::Run run = empty_run();
+  c.take_samples(run);
+  const std::vector<double>& course = c.number("course");
+  if (course.size() != 5) throw InputError(problem("checkpoint", "is of another machine", "one of " + spec_.name));
+  restore({{c.number("world"), c.byte("ground"), c.number("contacts")}, c.number("vehicle"), c.number("controller")},
+          &controller);
+  course_ = {static_cast<std::size_t>(course[0]), course[1], course[2], course[3], course[4] != 0.0};
+  run_ = std::move(run);
 }
 
 double Vehicle::remaining_pull(double rate, double largest) {

@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "core/progress.h"
+#include "recording/checkpoint.h"
 #include "recording/recording.h"
 #include "vehicle/simulation.h"
 #include "wheel/wheel.h"
@@ -216,6 +217,14 @@ class Vehicle {
 
   // Runs until the controller has finished, `duration` [s] is over, the machine is immobilised or overturned.
   recording::Run run(Controller& controller, double duration, const Progress& progress = {});
+  // The samples that run() has taken until now: all there is when it throws.
+  const recording::Run& so_far() const { return run_; }
+  // Called by run() after every sample, between steps. It must change nothing.
+  void set_observer(std::function<void(Vehicle&)> observer) { observer_ = std::move(observer); }
+  // Between two samples of run() (in the observer): machine, ground, controller and samples. A machine of the same make
+  // that is set to it goes on with run() bit for bit. resume() throws InputError for a state of another machine.
+  recording::Checkpoint checkpoint(const Controller& controller) const;
+  void resume(const recording::Checkpoint& checkpoint, Controller& controller);
   // Why a run ended early, or what else there is to say.
   const std::vector<std::string>& events() const { return events_; }
 
@@ -243,6 +252,7 @@ class Vehicle {
   void advance();
   void sample(std::size_t wheel);
   std::string immobile_reason() const;
+  recording::Run empty_run() const;
 
   VehicleSpec spec_;
   VehicleOptions options_;
@@ -263,6 +273,15 @@ class Vehicle {
   std::vector<double> rate_before_;
   VehicleSample last_;
   std::vector<std::string> events_;
+  // How far run() is, and what it watches to know a machine that makes no way.
+  struct Course {
+    std::size_t steps = 0;
+    double mark_time = 0.0, commanded = 0.0, covered = 0.0;
+    bool ended = false;
+  };
+  Course course_;
+  recording::Run run_;
+  std::function<void(Vehicle&)> observer_;
 };
 
 }  // namespace terrode::vehicle
