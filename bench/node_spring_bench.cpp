@@ -15,6 +15,7 @@
 #include <numbers>
 #include <vector>
 
+#include "terrain/implicit_step.h"
 #include "terrain/node_spring.h"
 #include "wheel/wheel.h"
 
@@ -70,7 +71,8 @@ Result run(double spacing, double h, double slip, double yaw, int wheels = 1, do
       twist.v_W = v * heading + w.vz * Vec3::UnitZ();
       twist.w_W = kOmega * axle;
       const auto r = ground.wrench(w.id, pose, twist);
-      w.vz += h * (r.wrench.F_W.z() - kLoad - h * r.stiffness(2, 2) * w.vz) / (kMass + h * h * r.stiffness(2, 2));
+      const auto taken = terrain::step_resistance(r, h, kMass);
+      w.vz += h * (r.wrench.F_W.z() - kLoad - taken.releasing(2, 2) * w.vz) / (kMass + h * (taken.inertial(2, 2) + taken.releasing(2, 2)));
       w.z += h * w.vz;
       if (i >= from && k == 0) {
         const double n = to - from;

@@ -28,7 +28,8 @@ struct NodeSpringTerrain::BodyState {
     Vec3 heading = Vec3::UnitX(), axle = Vec3::UnitY();
     bool touching = false;
     double exit = 0.0;    // moving part of theta_r [rad]
-    double slip = 0.0, slip_now = 0.0;  // that the soil feels; of the motion at that instant
+    double slip_now = 0.0;  // of the motion at that instant
+    double rolled = 1.0, gone = 1.0;  // of the rim and of the axle per path, lately; their ratio is the slip that the soil feels
     double load = 0.0;    // [N]
     double stored = 0.0;  // [J]
     double travel = 0.0;  // [m]
@@ -48,6 +49,7 @@ struct NodeSpringTerrain::BodyState {
   std::vector<double> entry_angle, kept_entry;  // of the last trial; of the last commit, the next ones' first guess
   std::vector<bekker::ContactArc> arcs;
   std::vector<double> exit_sine;
+  std::vector<double> rear_end, rear_share;  // end of the part that gives way as the exit moves [m]; 1/its angle [1/rad]
   std::vector<double> rear_reach;  // place of the exit in steady rolling [m], 0 or behind
   RimShear shear, shear_trial;
 
@@ -62,6 +64,8 @@ struct NodeSpringTerrain::Sums {
   double drive = 0.0, drag = 0.0;  // [N] of soil wedges
   double area = 0.0, compaction = 0.0, stored = 0.0, damping_power = 0.0, max_sinkage = 0.0;
   double unload_stiffness = 0.0, load_stiffness = 0.0;  // [N/m] along the ground's normal
+  double exit_stiffness = 0.0;   // [N/rad] lost as the exit moves forwards
+  double shear_stiffness = 0.0, stick_stiffness = 0.0;  // [N/m] along the ground: at most; in the sense in which it is sheared
   int count = 0;
 };
 

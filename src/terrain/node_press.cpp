@@ -176,13 +176,14 @@ ContactResult NodeSpringTerrain::press(BodyState& s, const Pose& pose, const Twi
     }
   }
   r.wrench = {normal_force + shear_force, normal_moment + shear_moment};
+  r.shear = {shear_force, shear_moment};
   const Vec3 flat(twist.v_W.x(), twist.v_W.y(), 0.0);
   if (flat.norm() > 0) r.compaction_resistance = -normal_force.dot(flat.normalized());
   r.slip_power = -(shear_force.dot(twist.v_W) + shear_moment.dot(twist.w_W));
   r.plastic_power = -(normal_force.dot(twist.v_W) + normal_moment.dot(twist.w_W)) - r.damping_power;
   if (kept.placed && t_ > kept.time) r.plastic_power -= (r.stored_energy - kept.stored) / (t_ - kept.time);
-  const double rise = kept.placed ? pose.p_W.z() - kept.pose.p_W.z() : 0.0;
-  r.stiffness(2, 2) = rise > 0 && !elastic ? unload : load;
+  r.stiffness(2, 2) = load;
+  if (!elastic) r.release_stiffness = load + unload;
   if (params_.damping > 0) r.damping(2, 2) = params_.damping * r.contact_area;
   s.trial.touching = r.contact_count > 0;
   s.trial.load = r.wrench.F_W.z();

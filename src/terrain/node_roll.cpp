@@ -54,6 +54,8 @@ struct NodeSpringTerrain::Roll {
   double rim_speed = 0.0, tan_slip_angle = 0.0;
   bekker::Context context;
   bekker::ContactShape shape;
+  double held_fast = 1.0;  // share of the nodes that let go at once when the axle rises; others have time to roll out
+  double exit_gain = 0.0;  // d(exit)/d(rise) within a step [rad/m]
   double lift = 0.0;  // of the arc's centre above the axle [m]: flexible rims flatten at the bottom
   double entry_max = 0.0;
   bool uniform = true;  // all strips have the same arc
@@ -61,7 +63,7 @@ struct NodeSpringTerrain::Roll {
   // What the part of one node within the contact gives per metre of width, moments about the axle's middle.
   struct Cell {
     Vec3 normal = Vec3::Zero(), normal_moment = Vec3::Zero(), shear = Vec3::Zero(), shear_moment = Vec3::Zero();
-    double drive = 0, drag = 0, area = 0, compaction = 0, stored = 0, damping_power = 0, unload = 0, load = 0;
+    double drive = 0, drag = 0, area = 0, compaction = 0, stored = 0, damping_power = 0, unload = 0, load = 0, slide = 0, stick = 0, rear = 0;
     double max_sinkage = 0, max_shear = 0, side = 0;
     bool loaded = false;
   };
@@ -111,9 +113,11 @@ bool NodeSpringTerrain::Roll::lay_frame() {
     moved = pose.p_W - kept.pose.p_W;
     swung = axle - kept.axle;
     spun = wrap(trial.spin - kept.spin);
-    // Reversing counts once it has gone as far as the springback, so that jitter at rest does not turn the contact.
+    // Reversing counts once it has gone a good part of the contact, so that a wheel that rocks on the spot does not turn it.
+    constexpr double part = 0.1;
+    const double length = rolling.radius * *std::max_element(s.kept_entry.begin(), s.kept_entry.end());
     trial.backing = std::max(0.0, kept.backing - kept.direction * moved.dot(heading));
-    if (trial.backing > params.springback) {
+    if (trial.backing > std::max(params.springback, part * length)) {
       trial.direction = -kept.direction;
       trial.backing = 0.0;
     }
@@ -149,19 +153,29 @@ void NodeSpringTerrain::Roll::describe() {
   context.sinkage = std::max(0.0, rolling.radius - (pose.p_W.z() - below) * u.z());
   if (params.shear_history != ShearHistory::closed_form) {
     // What the soil feels of slip builds up as the rim passes through half its contact: a wheel that starts from rest has
-    // no slip to speak of, whatever its first velocities say.
-    const double now = std::max(context.slip, kLockedSlip);
-    trial.slip = trial.slip_now = now;
+    // no slip to speak of, whatever its first velocities say, and one that rocks on the spot has none. Rim and axle are
+    // averaged along the path, each by itself.
+    double rolled = rim_speed, gone = v, path = 0.5 * (std::abs(rim_speed) + std::abs(v)), left = 0.0;
     if (kept.placed && kept.touching) {
       const double length = 0.5 * std::sqrt(2.0 * rolling.radius * context.sinkage) + params.springback;
-      const double path = 0.5 * (std::abs(rolling.radius * motion.spin) + std::abs(motion.go));
-      // Exact for a slip that changes evenly over the step.
-      const double p = path / length, left = std::exp(-p), mean = p > 1e-6 ? (1 - left) / p : 1 - 0.5 * p;
-      trial.slip = kept.slip * left + kept.slip_now * (mean - left) + now * (1 - mean);
-    } else if (v == 0 && rim_speed == 0) {
-      trial.slip = trial.slip_now = 0.0;
+      rolled = rolling.radius * motion.spin;
+      gone = motion.go;
+      path = 0.5 * (std::abs(rolled) + std::abs(gone));
+      left = std::exp(-path / length);
     }
-    if (!(std::isinf(context.slip) && trial.slip < 0.99 * kLockedSlip)) context.slip = trial.slip;
+    if (path > 0) {
+      const double turned = facing * kept.direction;
+      trial.rolled = turned * kept.rolled * left + rolled / path * (1 - left);
+      trial.gone = turned * kept.gone * left + gone / path * (1 - left);
+    } else if (left == 0) {
+      trial.rolled = trial.gone = 1.0;
+    }
+    trial.slip_now = context.slip;
+    constexpr double least = 0.05;  // below any steady motion but a locked wheel's
+    const double sense = trial.rolled + trial.gone < 0 ? -1.0 : 1.0;  // backing before the contact has turned
+    const double lag = sense * (trial.rolled - trial.gone);
+    const double slip = std::clamp(lag / std::max({sense * trial.rolled, lag / kLockedSlip, least}), kLockedSlip, 1.0);
+    if (!(std::isinf(context.slip) && slip < 0.99 * kLockedSlip)) context.slip = slip;
   }
   tan_slip_angle = v != 0 ? twist.v_W.dot(e_y) / std::abs(v) : 0.0;
   context.normal_load = kept.load;
@@ -232,12 +246,25 @@ void NodeSpringTerrain::Roll::find_exit() {
   }
   double target = kept.exit;
   if (!kept.placed) target = -entry_max;  // set down
-  else if (motion.go != 0 || motion.up != 0) target = std::atan2(motion.up, std::abs(motion.go));
+  else if (motion.go < 0) target = -entry_max;  // backing
+  else if (motion.go > 0 || motion.up != 0) target = std::atan2(motion.up, motion.go);
   target = std::clamp(target, -entry_max, entry_max);
   trial.exit = target;
-  if (kept.placed && kept.touching && facing == kept.direction) {
-    const double path = std::abs(motion.up) + std::abs(motion.go) * std::sin(entry_max);
-    trial.exit += (kept.exit - target) * std::exp(-path / params.springback);
+  if (kept.placed && kept.touching) {
+    const double go = std::abs(motion.go), path = std::max(0.0, -motion.up) + go * std::sin(entry_max);
+    const double left = std::exp(-path / params.springback);
+    // Turned, the contact ends where it began.
+    const double before = facing == kept.direction ? kept.exit : -entry_max;
+    trial.exit += (before - target) * left;
+    held_fast = std::exp(-go * std::sin(entry_max) / params.springback);
+    const double turning = go * go + motion.up * motion.up;
+    exit_gain = turning > 0 ? (1.0 - left) * go / turning : 0.0;
+    // Rising, the contact lets go at its rear by less than sinking back restores there: what lies between is lost, and a
+    // wheel that shakes on the spot comes to carry on both sides. Nothing is left to lose where it does.
+    const double carried = std::max(0.0, entry_max + trial.exit);
+    if (motion.up > 0 && entry_max > 0)
+      trial.exit += 0.5 * carried * (entry_max - trial.exit) / entry_max * -std::expm1(-motion.up / params.springback);
+    exit_gain += held_fast * carried / params.springback;
   }
 }
 
@@ -245,6 +272,8 @@ void NodeSpringTerrain::Roll::lay_arcs() {
   s.arcs.clear();
   s.exit_sine.clear();
   s.rear_reach.clear();
+  s.rear_end.clear();
+  s.rear_share.clear();
   for (std::size_t k = 0; k < s.offsets.size(); ++k) {
     const double theta_f = s.entry_angle[k];
     bekker::ContactShape own = shape;
@@ -252,6 +281,8 @@ void NodeSpringTerrain::Roll::lay_arcs() {
     if (k > 0 && theta_f == s.entry_angle[k - 1] && own.radius == s.arcs.back().radius) {
       const ContactArc same = s.arcs.back();
       const double sine = s.exit_sine.back(), reach = s.rear_reach.back();
+      s.rear_end.push_back(double(s.rear_end.back()));
+      s.rear_share.push_back(double(s.rear_share.back()));
       s.arcs.push_back(same);
       s.exit_sine.push_back(sine);
       s.rear_reach.push_back(reach);
@@ -271,6 +302,12 @@ void NodeSpringTerrain::Roll::lay_arcs() {
     s.arcs.emplace_back(own, angles, closed ? params.skid_shear : bekker::SkidShear::as_printed,
                         params.soil.friction_angle, std::max(theta_f, 1e-12));
     s.exit_sine.push_back(std::sin(angles.theta_r));
+    // Behind the peak the contact carries in proportion to its length there.
+    const ContactArc& laid = s.arcs.back();
+    constexpr double least = 0.1;  // of the contact
+    const double pivot = std::max(laid.theta_m, laid.theta_r + least * (laid.theta_f - laid.theta_r));
+    s.rear_end.push_back(laid.radius * std::sin(pivot));
+    s.rear_share.push_back(pivot > laid.theta_r ? 1.0 / (pivot - laid.theta_r) : 0.0);
     const ContactArc &first = s.arcs.front(), &last = s.arcs.back();
     uniform = uniform && first.theta_f == last.theta_f && first.theta_r == last.theta_r && first.radius == last.radius;
   }
@@ -435,6 +472,10 @@ void NodeSpringTerrain::Roll::cell(Cell& out, const Node& node, std::size_t k, d
       if (!elastic) out.stored += 0.5 * area * stress.sigma * share * back;
       out.unload += area * -normal.z() * stress.sigma / back;
       out.load += area * -normal.z() * soil.n * stress.sigma / sinkage;
+      const double gripped = area * (soil.cohesion + stress.sigma * soil.tan_phi) / soil.shear_modulus;
+      out.slide += gripped;
+      out.stick += gripped - area * std::min(stress.tau / soil.shear_modulus, gripped / area);
+      if (x < s.rear_end[k]) out.rear += area * -normal.z() * stress.sigma;
       out.max_sinkage = std::max(out.max_sinkage, depth + node.entry - node.raised);
       out.max_shear = std::max(out.max_shear, length_j);
       out.loaded = true;
@@ -570,6 +611,9 @@ void NodeSpringTerrain::Roll::sum(Sums& sums) const {
       sums.damping_power += cover * c->damping_power;
       sums.unload_stiffness += cover * c->unload;
       sums.load_stiffness += cover * c->load;
+      sums.shear_stiffness += cover * c->slide;
+      sums.stick_stiffness += cover * c->stick;
+      sums.exit_stiffness += cover * c->rear * s.rear_share[k];
       sums.max_sinkage = std::max(sums.max_sinkage, c->max_sinkage);
       if (record && c->area > 0) {
         PatchNode shown;
@@ -598,6 +642,7 @@ ContactResult NodeSpringTerrain::Roll::result(const Sums& sums) const {
   force.x() += sums.drive - sums.drag;
   moment.y() -= rolling.radius * sums.drive;
   r.wrench = {world(force), world(moment)};
+  r.shear = {world(sums.shear + sums.drive * Vec3::UnitX()), world(sums.shear_moment - rolling.radius * sums.drive * Vec3::UnitY())};
   const Vec3 v(twist.v_W.dot(e_f), twist.v_W.dot(e_y), twist.v_W.dot(e_d));
   const Vec3 w(twist.w_W.dot(e_f), twist.w_W.dot(e_y), twist.w_W.dot(e_d));
   r.contact_count = sums.count;
@@ -609,8 +654,19 @@ ContactResult NodeSpringTerrain::Roll::result(const Sums& sums) const {
   r.slip_power = -(sums.shear.dot(v) + sums.shear_moment.dot(w)) - sums.drive * (v.x() - rolling.radius * w.y());
   r.plastic_power = -(sums.normal.dot(v) + sums.normal_moment.dot(w)) + sums.drag * v.x() - sums.damping_power;
   if (kept.placed && ground.t_ > kept.time) r.plastic_power -= (sums.stored - kept.stored) / (ground.t_ - kept.time);
-  r.stiffness.topLeftCorner<3, 3>() =
-      (motion.up > 0 && !elastic ? sums.unload_stiffness : sums.load_stiffness) * (u * u.transpose());
+  // Loading along the normal and sliding across it act at the lowest point.
+  const Mat3 along = u * u.transpose(), pull = sums.load_stiffness * along + sums.shear_stiffness * (Mat3::Identity() - along);
+  const Vec3 arm = -rolling.radius * u;
+  Mat3 lever;  // arm x
+  lever << 0, -arm.z(), arm.y(), arm.z(), 0, -arm.x(), -arm.y(), arm.x(), 0;
+  r.stiffness.topLeftCorner<3, 3>() = pull;
+  r.stiffness.bottomLeftCorner<3, 3>() = lever * pull;
+  r.stiffness.topRightCorner<3, 3>() = pull * lever.transpose();
+  r.stiffness.bottomRightCorner<3, 3>() = lever * pull * lever.transpose();
+  r.normal_W = u;
+  r.grip_W = arm;
+  r.stick_stiffness = sums.stick_stiffness;
+  if (!elastic) r.release_stiffness = sums.load_stiffness + held_fast * sums.unload_stiffness + exit_gain * sums.exit_stiffness;
   if (params.damping > 0) r.damping.topLeftCorner<3, 3>() = params.damping * sums.area * (u * u.transpose());
   trial.touching = sums.count > 0;
   trial.load = r.wrench.F_W.dot(u);

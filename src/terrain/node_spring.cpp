@@ -58,6 +58,8 @@ BodyId NodeSpringTerrain::add_body(std::shared_ptr<const wheel::Body> shape) {
     s->arcs.reserve(s->offsets.size());
     s->exit_sine.reserve(s->offsets.size());
     s->rear_reach.reserve(s->offsets.size());
+    s->rear_end.reserve(s->offsets.size());
+    s->rear_share.reserve(s->offsets.size());
     s->shear = s->shear_trial = RimShear(strips);
   }
   s->touches.reserve(static_cast<std::size_t>(across * across));
@@ -289,7 +291,7 @@ class Reader {
   std::span<const std::uint8_t> bytes_;
 };
 
-constexpr std::uint64_t kMagic = 0x3173676e69727073ull;  // "springs1"
+constexpr std::uint64_t kMagic = 0x3273676e69727073ull;  // "springs2"
 
 bool pristine(const Node& n) {
   return n.plastic == 0 && n.entry == 0 && n.reached == 0 && n.raised == 0 && n.passes == 0 && n.body < 0 && n.removed == 0;
@@ -342,7 +344,7 @@ std::vector<std::uint8_t> NodeSpringTerrain::snapshot() const {
     out.put(static_cast<std::uint8_t>(h.touching));
     out.put(h.pose.p_W);
     for (int i = 0; i < 4; ++i) out.put(h.pose.R_WB.coeffs()[i]);
-    for (const double v : {h.time, h.direction, h.backing, h.spin, h.exit, h.slip, h.slip_now, h.load, h.stored, h.travel, h.turned}) out.put(v);
+    for (const double v : {h.time, h.direction, h.backing, h.spin, h.exit, h.slip_now, h.rolled, h.gone, h.load, h.stored, h.travel, h.turned}) out.put(v);
     out.put(h.heading);
     out.put(h.axle);
     s->shear.write(out);
@@ -378,7 +380,7 @@ void NodeSpringTerrain::restore(std::span<const std::uint8_t> bytes) {
     h.touching = in.get<std::uint8_t>() != 0;
     h.pose.p_W = in.vec();
     for (int i = 0; i < 4; ++i) h.pose.R_WB.coeffs()[i] = in.get<double>();
-    for (double* v : {&h.time, &h.direction, &h.backing, &h.spin, &h.exit, &h.slip, &h.slip_now, &h.load, &h.stored, &h.travel, &h.turned})
+    for (double* v : {&h.time, &h.direction, &h.backing, &h.spin, &h.exit, &h.slip_now, &h.rolled, &h.gone, &h.load, &h.stored, &h.travel, &h.turned})
       *v = in.get<double>();
     h.heading = in.vec();
     h.axle = in.vec();

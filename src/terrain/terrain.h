@@ -57,6 +57,16 @@ struct ContactResult {
   // positive on the diagonal. stiffness(2, 2) is the vertical contact stiffness.
   Mat6 stiffness = Mat6::Zero();
   Mat6 damping = Mat6::Zero();
+  // How hard the contact lets go when the body moves out of the ground along `normal_W` within a step [N/m]: of ground that
+  // yields and unloads stiffly this is far above stiffness(2, 2), and which of the two acts turns with the motion.
+  // terrain/implicit_step.h says how a step takes it.
+  double release_stiffness = 0.0;
+  Vec3 normal_W = Vec3::UnitZ();
+  // Of soil that the body's surface does not slide on but carries along [N/m], at `grip_W` from the body's origin.
+  double stick_stiffness = 0.0;
+  Vec3 grip_W = Vec3::Zero();
+
+  Wrench shear;  // the part of `wrench` whose work is slip_power; zero where a ground does not know it
 
   double max_sinkage = 0.0;            // [m] of the body's lowest contact below the undisturbed surface
   double contact_area = 0.0;           // [m2] of the body's loaded surface

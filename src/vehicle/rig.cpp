@@ -230,8 +230,9 @@ void Rig::touch_down(const Progress& progress) {
     const double missing = W - F;
     if (F > 0.0 && std::abs(missing) <= spec_.touchdown_tolerance * W) break;
     // The secant of a law that stiffens with depth is below its tangent; the factor of 10 in the speed covers that.
-    const double stiffness =
-        std::max(simulation_->contacts().front().result.stiffness(2, 2), depth > 0.0 ? F / depth : 0.0);
+    const terrain::ContactResult& ground = simulation_->contacts().front().result;
+    double stiffness = std::max(ground.stiffness(2, 2), depth > 0.0 ? F / depth : 0.0);
+    if (missing < 0.0) stiffness = std::max(stiffness, ground.release_stiffness);
     double speed = spec_.lowering_speed;
     if (stiffness > 0.0) speed = std::clamp(missing / (10.0 * h * stiffness), -speed, speed);
     r.lift.set_motor({-speed});
@@ -280,6 +281,7 @@ RigEnergy Rig::energy() const {
   e.plastic = c.plastic;
   e.slip = c.slip;
   e.damping = c.damping;
+  e.numerical = c.numerical;
   return e;
 }
 

@@ -94,8 +94,9 @@ struct RigEnergy {
   double kinetic = 0.0;                                           // gain of kinetic energy
   double ground = 0.0;                                            // work done on the ground
   double stored = 0.0, plastic = 0.0, slip = 0.0, damping = 0.0;  // where the ground says it went
+  double numerical = 0.0;                                         // what the step's implicit part took
   double machine_residual() const { return drive - kinetic - ground; }
-  double ground_residual() const { return ground - stored - plastic - slip - damping; }
+  double ground_residual() const { return ground - stored - plastic - slip - damping - numerical; }
 };
 
 struct RigState {

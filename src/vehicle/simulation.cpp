@@ -3,6 +3,8 @@
 #include <Eigen/Eigenvalues>
 #include <cmath>
 
+#include "terrain/implicit_step.h"
+
 namespace terrode::vehicle {
 
 namespace {
@@ -12,9 +14,6 @@ Mat3 cross(const Vec3& p) {
   m << 0, -p.z(), p.y(), p.z(), 0, -p.x(), -p.y(), p.x(), 0;
   return m;
 }
-
-// Share of a damper that is taken implicitly; see the header.
-double implicit_share(double x) { return x < 1e-3 ? 0.5 + x / 12.0 : 1.0 / (1.0 - std::exp(-x)) - 1.0 / x; }
 
 }  // namespace
 
@@ -64,14 +63,19 @@ void Simulation::step(double h) {
     const Pose pose = c.body->pose();
     const Twist& u = before_[i];
     c.result = ground_.wrench(c.id, pose, u);
-    const double stiffest = c.result.damping.diagonal().head<3>().maxCoeff();
-    const double share = implicit_share(h * stiffest / c.body->mass());
-    const PointResistance r = point_resistance(0.25 * h * c.result.stiffness + share * c.result.damping, pose.p_W);
+    const terrain::StepResistance own = terrain::step_resistance(c.result, h, c.body->mass());
+    const PointResistance r = point_resistance(own.inertial + own.releasing, pose.p_W);
     c.damper->set(r.p_W, r.D, r.R);
     const Vec3 arm = r.p_W - pose.p_W;
     const Vec3 F = c.damper->translational() * (u.v_W + u.w_W.cross(arm));
     c.wrench = c.result.wrench;
     c.wrench += Wrench{F, arm.cross(F) + c.damper->rotational() * u.w_W};
+    // The damper holds both parts back by all of their velocity; the inertial one acts on its change alone.
+    Eigen::Matrix<double, 6, 1> now;
+    now << u.v_W, u.w_W;
+    const Eigen::Matrix<double, 6, 1> released = own.releasing * now;
+    c.wrench.F_W -= released.head<3>();
+    c.wrench.M_W -= released.tail<3>();
     c.body->add_wrench(c.wrench);
   }
   world_.step(h);
@@ -79,22 +83,33 @@ void Simulation::step(double h) {
     GroundContact& c = contacts_[i];
     c.wrench += c.damper->load().on_body;
     const Twist after = c.body->twist();
-    c.work -= 0.5 * h * (c.wrench.F_W.dot(before_[i].v_W + after.v_W) + c.wrench.M_W.dot(before_[i].w_W + after.w_W));
+    const Twist mean{0.5 * (before_[i].v_W + after.v_W), 0.5 * (before_[i].w_W + after.w_W)};
+    const auto work = [h](const Wrench& w, const Vec3& v, const Vec3& omega) { return -h * (w.F_W.dot(v) + w.M_W.dot(omega)); };
+    const double all = work(c.wrench, mean.v_W, mean.w_W), ground = work(c.result.wrench, mean.v_W, mean.w_W);
+    c.work += all;
+    c.numerical += all - ground;
     c.plastic += h * c.result.plastic_power;
     c.slip += h * c.result.slip_power;
     c.damping += h * c.result.damping_power;
+    if (!c.result.shear.F_W.isZero(0.0)) {
+      // The ground's powers are for the motion at t_n; what was done is at the mean of the step.
+      const Vec3 v = mean.v_W - before_[i].v_W, omega = mean.w_W - before_[i].w_W;
+      const double sheared = work(c.result.shear, v, omega);
+      c.slip += sheared;
+      c.plastic += work(c.result.wrench, v, omega) - sheared;
+    }
   }
   ground_.end_step();
 }
 
 SimulationState Simulation::snapshot() const {
   SimulationState s{world_.snapshot(), ground_.snapshot(), {}};
-  for (const GroundContact& c : contacts_) s.contacts.insert(s.contacts.end(), {c.work, c.plastic, c.slip, c.damping});
+  for (const GroundContact& c : contacts_) s.contacts.insert(s.contacts.end(), {c.work, c.plastic, c.slip, c.damping, c.numerical});
   return s;
 }
 
 void Simulation::restore(const SimulationState& state) {
-  if (state.contacts.size() != 4 * contacts_.size())
+  if (state.contacts.size() != 5 * contacts_.size())
     throw InputError(Problem{{}, 0, 0, "snapshot", "is of a simulation with other bodies on the ground", {}});
   world_.restore(state.world);
   ground_.restore(state.ground);
@@ -104,7 +119,8 @@ void Simulation::restore(const SimulationState& state) {
     c.plastic = s[1];
     c.slip = s[2];
     c.damping = s[3];
-    s += 4;
+    c.numerical = s[4];
+    s += 5;
   }
 }
 

@@ -2,9 +2,8 @@
 // answers with the force at t_n, and one that carries smaller steps of its own through [t_n, t_n + h] (particles).
 //
 // One step: ground.begin_step -> wrench of every body at its pose at t_n -> external loads -> World::step ->
-// ground.end_step. The ground's stiffness K and damping C are taken implicitly: with B = h K/4 + theta C the body feels
-// F(t_n) - B (u(t_n + h) - u(t_n)), u its velocity. theta = 1/(1 - exp(-x)) - 1/x with x = h c/m is 1/2 for a mild
-// damper (second order) and 1 for a stiff one (no ringing): it makes the decay of a single velocity exact.
+// ground.end_step. The ground's stiffness and damping, and how hard it lets go, are taken implicitly:
+// terrain/implicit_step.h.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +27,8 @@ struct GroundContact {
   Wrench wrench;                  // what the ground exerted: mean over the step, implicit part included [N, N m]
 
   // Sums since the start [J]: work that the body did on the ground, and where the ground says it went.
-  double work = 0.0, plastic = 0.0, slip = 0.0, damping = 0.0;
+  // `numerical` is the work of what the step takes implicitly (terrain/implicit_step.h).
+  double work = 0.0, plastic = 0.0, slip = 0.0, damping = 0.0, numerical = 0.0;
 };
 
 struct SimulationState {

@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "terrain/implicit_step.h"
 #include "terrain/terrain.h"
 #include "wheel/wheel.h"
 
@@ -56,8 +57,9 @@ inline RigResult drive(terrain::Terrain& ground, terrain::BodyId id, double radi
     ground.begin_step(start_time + t, run.step);
     const terrain::ContactResult r = ground.wrench(id, pose, twist);
     const double F = r.wrench.F_W.z() - run.load;
-    const double K = run.implicit ? r.stiffness(2, 2) : 0.0, C = run.implicit ? r.damping(2, 2) : 0.0, h = run.step;
-    const double vz1 = vz + h * (F - h * K * vz) / (run.mass + h * C + h * h * K);
+    const terrain::StepResistance taken = run.implicit ? terrain::step_resistance(r, run.step, run.mass) : terrain::StepResistance{};
+    const double B = taken.inertial(2, 2), C = taken.releasing(2, 2), h = run.step;
+    const double vz1 = vz + h * (F - C * vz) / (run.mass + h * (B + C));
     ground.end_step();
     const double pull = r.wrench.F_W.dot(heading), torque = -r.wrench.M_W.dot(axle);
     // Work done on the wheel by drive, carriage and load, at the velocities that act over the step.

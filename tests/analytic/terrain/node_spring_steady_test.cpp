@@ -70,7 +70,8 @@ TEST(NodeSpring, FineSettingsAreWithinOnePercent) {
       run.load = 115.0 / 16;
       run.mass = 3.2 / 16;
       run.step = 1e-4;
-      run.duration = 6.0;
+      // The wheel is dropped; what that leaves dies out as it travels the length of its contact, slowly at high slip.
+      run.duration = slip < 0.3 ? 6.0 : 8.0;
       const Both both = run_both(params, run, 0.01);
       constexpr double close = 0.01;
       EXPECT_NEAR(both.nodes.pull, both.steady.drawbar_pull, close * std::abs(both.steady.drawbar_pull)) << table << " " << slip;
