@@ -208,15 +208,17 @@ std::vector<double> red_noise_background(const Spectrum& s, double step, std::si
   };
   std::vector<double> background;
   const double clip = gsl_cdf_chisq_Pinv(0.95, dof) / dof;
-  // First a model of order 1 of the whole spectrum, too stiff to follow a line; then peaks are cut off at what noise of
-  // the last model hardly exceeds.
+  // First a model of order 1 of the whole spectrum, too stiff to follow a line; then what noise of the last model hardly
+  // exceeds is cut off down to that model.
   for (int it = 0; it < kBackgroundRounds; ++it) {
     const int highest_order = it == 0 ? 1 : kBackgroundOrder;
     // Autocovariance of the spectrum with its peaks cut off and what lies outside the band taken from the model.
     std::vector<double> r(kBackgroundOrder + 1, 0.0);
     for (std::size_t i = 0; i < bins; ++i) {
       const bool inside = i >= lo && i <= hi;
-      const double d = it == 0 ? s.density[i] : (inside ? std::min(s.density[i], clip * background[i]) : background[i]);
+      // Down to the model and not to the clip: a line in the first model would keep itself alive.
+      const bool own = it == 0 || (inside && s.density[i] <= clip * background[i]);
+      const double d = own ? s.density[i] : background[i];
       const double weight = (i == 0 || i + 1 == bins ? 0.5 : 1.0) * d * df;
       const double w = kTwoPi * s.frequency[i] * step;
       double c0 = 1.0, c1 = std::cos(w);

@@ -3,7 +3,9 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 #include <span>
+#include <vector>
 
 #include "bekker/soil.h"
 
@@ -76,7 +78,7 @@ struct Stress {
 // act in the order in which they are given: contact, then at each point soil, pressure, shear, traction.
 class StressModifier {
  public:
-  enum Hook : unsigned { kContact = 1, kSoil = 2, kPressure = 4, kShear = 8, kTraction = 16 };
+  enum Hook : unsigned { kContact = 1, kSoil = 2, kPressure = 4, kShear = 8, kTraction = 16, kShearCorner = 32 };
   virtual ~StressModifier() = default;
   virtual unsigned hooks() const = 0;
   // Changes the shape of the contact; called whenever the sinkage changes.
@@ -85,6 +87,10 @@ class StressModifier {
   virtual void soil(const Context&, const Point&, LocalSoil&) const {}
   // Returns the changed normal stress [Pa].
   virtual double pressure(const Context&, const Point&, const LocalSoil&, double sigma) const { return sigma; }
+  // Effective sinkage [m] at which what pressure() returns has a corner; infinity: none. Integrals end and begin there.
+  virtual double corner() const { return std::numeric_limits<double>::infinity(); }
+  // Of a shear() with a corner: a number that passes through zero there. Asked where hooks() has kShearCorner.
+  virtual double shear_corner(const Context&, const Point&, const LocalSoil&, double /*sigma*/, double /*tau*/) const { return 1.0; }
   // Returns the changed shear stress [Pa]; `sigma` is final.
   virtual double shear(const Context&, const Point&, const LocalSoil&, double /*sigma*/, double tau) const { return tau; }
   // Adds to the stresses that come on top: drive and drag [Pa]; sigma and tau are final.
@@ -119,12 +125,6 @@ struct PointLaw {
   const PressureLaw* pressure_law = nullptr;
   const ShearLaw* shear_law = nullptr;
   std::span<const StressModifier* const> modifiers;
-
-  unsigned hooks() const {
-    unsigned mask = 0;
-    for (const StressModifier* m : modifiers) mask |= m->hooks();
-    return mask;
-  }
 };
 
 // sigma = k (z/b)^n (Smith et al. Eq. 5) [Pa].
@@ -133,40 +133,68 @@ inline double power_law_pressure(const LocalSoil& soil, double z) { return soil.
 // 1 - exp(-|j|/K) (Janosi & Hanamoto 1961; Eq. 9) [-]. (exp, not the slower expm1: the error is 1e-16 of tau_res.)
 inline double janosi_mobilised(const LocalSoil& soil, double j) { return 1.0 - std::exp(-j / soil.shear_modulus); }
 
+// A PointLaw whose modifiers are sorted by hook, for who asks at many points.
+struct PreparedLaw {
+  const PressureLaw* pressure_law = nullptr;
+  const ShearLaw* shear_law = nullptr;
+  std::vector<const StressModifier*> contact, soil, pressure, shear, traction, shear_corners;
+  bool plain = true;  // sigma = k (z/b)^n and Janosi-Hanamoto, nothing else
+
+  PreparedLaw() = default;
+  explicit PreparedLaw(const PointLaw& law)
+      : pressure_law(law.pressure_law), shear_law(law.shear_law), plain(law.modifiers.empty() && !law.pressure_law && !law.shear_law) {
+    for (const StressModifier* m : law.modifiers) {
+      const unsigned hooks = m->hooks();
+      if (hooks & StressModifier::kContact) contact.push_back(m);
+      if (hooks & StressModifier::kSoil) soil.push_back(m);
+      if (hooks & StressModifier::kPressure) pressure.push_back(m);
+      if (hooks & StressModifier::kShear) shear.push_back(m);
+      if (hooks & StressModifier::kTraction) traction.push_back(m);
+      if (hooks & StressModifier::kShearCorner) shear_corners.push_back(m);
+    }
+  }
+};
+
+namespace detail {
+// Stress at a point up to the shear modifier `end` (null: all of them, and traction).
+inline Stress stress_up_to(const LocalSoil& base, const PreparedLaw& law, const Context& context, const Point& point, LocalSoil& soil,
+                           const StressModifier* end) {
+  Stress out;
+  soil = base;
+  for (const StressModifier* m : law.soil) m->soil(context, point, soil);
+  out.sigma = law.pressure_law ? law.pressure_law->pressure(soil, context, point.sinkage) : power_law_pressure(soil, point.sinkage);
+  for (const StressModifier* m : law.pressure) out.sigma = m->pressure(context, point, soil, out.sigma);
+  const double mobilised = law.shear_law ? law.shear_law->mobilised(soil, point.shear_displacement)
+                                         : janosi_mobilised(soil, point.shear_displacement);
+  out.tau = (soil.cohesion + out.sigma * soil.tan_phi) * mobilised;
+  for (const StressModifier* m : law.shear) {
+    if (m == end) return out;
+    out.tau = m->shear(context, point, soil, out.sigma, out.tau);
+  }
+  for (const StressModifier* m : law.traction) m->traction(context, point, soil, out);
+  return out;
+}
+}  // namespace detail
+
 // Stress at a point: laws first, then modifiers in order. Finite for finite input with z >= 0 and j >= 0 (j may be
 // +infinity: fully mobilised). Cost: about 40 ns without modifiers.
-inline Stress stress_at(const LocalSoil& base, const PointLaw& law, const Context& context, const Point& point) {
-  Stress out;
-  if (law.modifiers.empty() && !law.pressure_law && !law.shear_law) {
+inline Stress stress_at(const LocalSoil& base, const PreparedLaw& law, const Context& context, const Point& point) {
+  if (law.plain) {
+    Stress out;
     out.sigma = power_law_pressure(base, point.sinkage);
     out.tau = (base.cohesion + out.sigma * base.tan_phi) * janosi_mobilised(base, point.shear_displacement);
     return out;
   }
-  // Which hooks each modifier has, asked once for the point.
-  constexpr std::size_t kRemembered = 16;
-  unsigned remembered[kRemembered];
-  unsigned any = 0;
-  const std::size_t count = law.modifiers.size();
-  for (std::size_t i = 0; i < count; ++i) {
-    const unsigned mask = law.modifiers[i]->hooks();
-    if (i < kRemembered) remembered[i] = mask;
-    any |= mask;
-  }
-  const auto each = [&](StressModifier::Hook hook, const auto& act) {
-    if (!(any & hook)) return;
-    for (std::size_t i = 0; i < count; ++i)
-      if ((i < kRemembered ? remembered[i] : law.modifiers[i]->hooks()) & hook) act(*law.modifiers[i]);
-  };
-  LocalSoil soil = base;
-  each(StressModifier::kSoil, [&](const StressModifier& m) { m.soil(context, point, soil); });
-  out.sigma = law.pressure_law ? law.pressure_law->pressure(soil, context, point.sinkage) : power_law_pressure(soil, point.sinkage);
-  each(StressModifier::kPressure, [&](const StressModifier& m) { out.sigma = m.pressure(context, point, soil, out.sigma); });
-  const double mobilised = law.shear_law ? law.shear_law->mobilised(soil, point.shear_displacement)
-                                         : janosi_mobilised(soil, point.shear_displacement);
-  out.tau = (soil.cohesion + out.sigma * soil.tan_phi) * mobilised;
-  each(StressModifier::kShear, [&](const StressModifier& m) { out.tau = m.shear(context, point, soil, out.sigma, out.tau); });
-  each(StressModifier::kTraction, [&](const StressModifier& m) { m.traction(context, point, soil, out); });
-  return out;
+  LocalSoil soil;
+  return detail::stress_up_to(base, law, context, point, soil, nullptr);
+}
+
+// StressModifier::shear_corner() of one of law.shear_corners at a point.
+inline double shear_corner_at(const LocalSoil& base, const PreparedLaw& law, const Context& context, const Point& point,
+                              const StressModifier& of) {
+  LocalSoil soil;
+  const Stress s = detail::stress_up_to(base, law, context, point, soil, &of);
+  return of.shear_corner(context, point, soil, s.sigma, s.tau);
 }
 
 }  // namespace terrode::bekker

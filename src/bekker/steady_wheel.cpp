@@ -19,28 +19,50 @@ namespace {
 // power of the distance (n < 1 makes its slope infinite) and shear builds up within a few K.
 struct Rule {
   std::size_t count = 0;
-  std::vector<double> at, weight;
+  std::vector<double> at, weight;      // on [0, 1], after u -> u^3
+  std::vector<double> u, u_weight;     // before
 };
 
-constexpr std::array<std::size_t, 8> kOrders = {10, 14, 20, 28, 40, 56, 80, 112};
+constexpr std::array<std::size_t, 9> kOrders = {7, 10, 14, 20, 28, 40, 56, 80, 112};
+
+Rule rule_of(std::size_t count) {
+  const std::unique_ptr<gsl_integration_glfixed_table, void (*)(gsl_integration_glfixed_table*)> gl(gsl_integration_glfixed_table_alloc(count),
+                                                                                                    gsl_integration_glfixed_table_free);
+  Rule out;
+  out.count = count;
+  for (std::size_t i = 0; i < count; ++i) {
+    double u = 0, w = 0;
+    gsl_integration_glfixed_point(0.0, 1.0, i, &u, &w, gl.get());
+    out.at.push_back(u * u * u);
+    out.weight.push_back(3.0 * u * u * w);
+    out.u.push_back(u);
+    out.u_weight.push_back(w);
+  }
+  return out;
+}
 
 const std::array<Rule, kOrders.size()>& rules() {
   static const auto table = [] {
     std::array<Rule, kOrders.size()> out;
-    for (std::size_t r = 0; r < kOrders.size(); ++r) {
-      const std::unique_ptr<gsl_integration_glfixed_table, void (*)(gsl_integration_glfixed_table*)> gl(
-          gsl_integration_glfixed_table_alloc(kOrders[r]), gsl_integration_glfixed_table_free);
-      out[r].count = kOrders[r];
-      for (std::size_t i = 0; i < kOrders[r]; ++i) {
-        double u = 0, w = 0;
-        gsl_integration_glfixed_point(0.0, 1.0, i, &u, &w, gl.get());
-        out[r].at.push_back(u * u * u);
-        out[r].weight.push_back(3.0 * u * u * w);
-      }
-    }
+    for (std::size_t r = 0; r < kOrders.size(); ++r) out[r] = rule_of(kOrders[r]);
     return out;
   }();
   return table;
+}
+
+// For a piece of [0, 1] in u as accurate as `whole` points are for all of it. A rule of n points errs by rho^(-2 n) with
+// rho = d + sqrt(d^2 + 1), d the distance of the nearest singularity over half the length; d = 1 for all of [0, 1] is
+// what the stresses of wheels show.
+constexpr std::size_t kFewest = 3;
+
+const Rule& rule_of_piece(std::size_t whole, double length) {
+  static const auto table = [] {
+    std::vector<Rule> out;
+    for (std::size_t n = 0; n <= kOrders.back(); ++n) out.push_back(rule_of(std::max(n, kFewest)));
+    return out;
+  }();
+  const double share = std::asinh(1.0) / std::asinh(1.0 / length);
+  return table[std::max(kFewest, static_cast<std::size_t>(std::ceil(share * static_cast<double>(whole))))];
 }
 
 struct Sums {
@@ -58,55 +80,201 @@ struct Sums {
 // Everything of one evaluation at one entry angle.
 struct Evaluator {
   const LocalSoil& soil;
-  const PointLaw& law;
+  const PreparedLaw& law;
   const Context& context;
   const ContactArc& arc;
-  bool plain;
   int evaluations = 0;
+  // Angles at which the pressure has a corner or sliding stands still.
+  std::array<double, 16> corners{};
+  std::size_t corner_count = 0;
+  // Where shear has corners in each panel, in u: kept by the caller from one entry angle to the next.
+  static constexpr std::size_t kPanels = 6, kShearCorners = 4;
+  static constexpr std::size_t kPerPanel = 4;
+  struct ShearCorners {
+    std::array<std::array<std::array<double, kPerPanel>, kShearCorners>, kPanels> u{};  // above 1: none
+    bool thorough = false;  // many places are searched
+    double entry = 0.0;    // at which they were found; 0: never
+    double stale = 0.0;    // relative change of the entry angle up to which they stay
+    double bend = 0.0;     // how far in u a chord may be off its curve
+  };
+  ShearCorners own_corners{{}, true, 0.0, 0.0, 1e-3};
+  ShearCorners* kept;
+  bool found_before = false, fresh = false;
+  std::size_t panel_index = 0;
+
+  Evaluator(const LocalSoil& s, const PreparedLaw& l, const Context& c, const ContactArc& a, ShearCorners* corners_kept = nullptr)
+      : soil(s), law(l), context(c), arc(a), kept(corners_kept ? corners_kept : &own_corners) {
+    found_before = kept->entry > 0.0;
+    fresh = found_before && std::abs(kept->entry - arc.theta_f) <= kept->stale * arc.theta_f;
+    if (!fresh) kept->entry = arc.theta_f;
+    for (const StressModifier* m : law.pressure) {
+      const double cos_corner = arc.cos_f + m->corner() / arc.radius;
+      if (!(cos_corner < std::cos(arc.theta_m))) continue;
+      const double front = std::acos(cos_corner);
+      add_corner(front);
+      // The angle behind theta_m that has the same sinkage by Eq. 8.
+      add_corner(arc.theta_r + (arc.theta_f - front) * (arc.theta_m - arc.theta_r) / (arc.theta_f - arc.theta_m));
+    }
+    // The rim's sliding along the soil changes its sense.
+    if (!law.shear.empty() && arc.skid_split && !arc.locked && arc.one_minus_s > 1.0) {
+      const double still = std::acos(1.0 / arc.one_minus_s);
+      add_corner(still);
+      add_corner(-still);
+    }
+  }
+
+  void add_corner(double theta) {
+    if (corner_count < corners.size()) corners[corner_count++] = theta;
+  }
+
+  using Ends = std::array<double, 2 + 16 + kPerPanel * kShearCorners>;
+
+  struct Place {
+    double sin_t, cos_t, z, j;
+    bool front;
+    double equivalent;
+  };
+  Place place(double theta) const {
+    Place out;
+    out.sin_t = std::sin(theta);
+    out.cos_t = std::cos(theta);
+    out.front = theta >= arc.theta_m;
+    out.equivalent = arc.equivalent(theta);
+    const double cos_e = out.front ? out.cos_t : std::cos(out.equivalent);
+    out.z = std::max(0.0, arc.radius * (cos_e - arc.cos_f));
+    out.j = arc.shear_displacement(theta, out.sin_t);
+    return out;
+  }
+
+  Point point(double theta, const Place& at) const {
+    Point p;
+    p.sinkage = at.z;
+    p.depth = std::max(0.0, arc.radius * (at.cos_t - arc.cos_f));
+    p.theta = theta;
+    p.sin_theta = at.sin_t;
+    p.cos_theta = at.cos_t;
+    p.shear_displacement = std::abs(at.j);
+    p.slide_speed = std::abs(context.radius * context.angular_velocity - context.forward_velocity * at.cos_t);
+    p.penetration_speed = std::max(0.0, context.forward_velocity * (at.front ? at.sin_t : std::sin(at.equivalent)));
+    return p;
+  }
 
   Sums at(double theta, ProfilePoint* detail = nullptr) {
     ++evaluations;
-    const double sin_t = std::sin(theta), cos_t = std::cos(theta);
-    const bool front = theta >= arc.theta_m;
-    const double equivalent = arc.equivalent(theta);
-    const double cos_e = front ? cos_t : std::cos(equivalent);
-    const double z = std::max(0.0, arc.radius * (cos_e - arc.cos_f));
-    const double j = arc.shear_displacement(theta, sin_t);
-    const double sign = arc.shear_sign(theta, j);
+    const Place here = place(theta);
+    const double sin_t = here.sin_t, cos_t = here.cos_t;
     Stress stress;
-    if (plain) {
-      stress.sigma = power_law_pressure(soil, z);
-      stress.tau = (soil.cohesion + stress.sigma * soil.tan_phi) * janosi_mobilised(soil, std::abs(j));
+    if (law.plain) {
+      stress.sigma = power_law_pressure(soil, here.z);
+      stress.tau = (soil.cohesion + stress.sigma * soil.tan_phi) * janosi_mobilised(soil, std::abs(here.j));
     } else {
-      Point p;
-      p.sinkage = z;
-      p.depth = std::max(0.0, arc.radius * (cos_t - arc.cos_f));
-      p.theta = theta;
-      p.sin_theta = sin_t;
-      p.cos_theta = cos_t;
-      p.shear_displacement = std::abs(j);
-      p.slide_speed = std::abs(context.radius * context.angular_velocity - context.forward_velocity * cos_t);
-      p.penetration_speed = std::max(0.0, context.forward_velocity * std::sin(equivalent));
-      stress = stress_at(soil, law, context, p);
+      stress = stress_at(soil, law, context, point(theta, here));
     }
-    const double tau = sign * stress.tau;
-    if (detail) *detail = {theta, z, stress.sigma, tau, j};
+    const double tau = arc.shear_sign(theta, here.j) * stress.tau;
+    if (detail) *detail = {theta, here.z, stress.sigma, tau, here.j};
     return {stress.sigma * cos_t + tau * sin_t, tau * cos_t - stress.sigma * sin_t + stress.drive - stress.drag,
             tau + stress.drive, stress.sigma * sin_t, stress.drag};
   }
 
   // Integral over [from, to] (any order) with points clustered at `from`; counted positive.
-  void panel(Sums& sums, double from, double to, const Rule& rule) {
+  void panel(Sums& sums, double from, double to, std::size_t order) {
     const double length = to - from;
-    if (length == 0) return;
+    Ends u{};
+    const std::size_t pieces = cut(from, to, u);
     const double size = std::abs(length);
-    for (std::size_t i = 0; i < rule.count; ++i) sums.add(at(from + length * rule.at[i]), size * rule.weight[i]);
+    if (pieces == 1) {
+      const Rule& rule = rules()[order];
+      for (std::size_t i = 0; i < rule.count; ++i) sums.add(at(from + length * rule.at[i]), size * rule.weight[i]);
+      return;
+    }
+    for (std::size_t k = 0; k < pieces; ++k) piece(sums, from, to, u[k], u[k + 1], rule_of_piece(kOrders[order] - kOrders[order] / 7, u[k + 1] - u[k]));
+  }
+
+  // Where in u of [from, to] the shear passes corners; from where they were before, if that is known.
+  void find_shear_corners(double from, double to, const StressModifier& m, std::array<double, kPerPanel>& corner) {
+    const auto value = [&](double u) {
+      ++evaluations;
+      const double theta = from + (to - from) * u * u * u;
+      return shear_corner_at(soil, law, context, point(theta, place(theta)), m);
+    };
+    // Between a and b, where the sign differs: inverse interpolation through these and the point where their chord crosses
+    // zero. An error of 1e-5 in the place of a corner is one of 1e-10 in the integral.
+    const auto between = [&](double a, double f_a, double b, double f_b) {
+      constexpr double kClose = 1e-5;
+      double u = 0.5 * (a + b);
+      for (int i = 0; i < 40 && b - a > kClose; ++i) {
+        const double c = i > 3 ? 0.5 * (a + b) : (a * f_b - b * f_a) / (f_b - f_a), f_c = value(c);
+        if (f_c == 0.0) return c;
+        const bool left = (f_c > 0) == (f_a > 0);
+        u = a * f_b * f_c / ((f_a - f_b) * (f_a - f_c)) + b * f_a * f_c / ((f_b - f_a) * (f_b - f_c)) + c * f_a * f_b / ((f_c - f_a) * (f_c - f_b));
+        const double far_end = left ? b : a;
+        if (std::abs(u - c) < kept->bend && (u - c) * (far_end - c) > 0 && std::abs(u - c) < std::abs(far_end - c)) return u;
+        (left ? a : b) = c;
+        (left ? f_a : f_b) = f_c;
+        u = c;
+      }
+      return u;
+    };
+    constexpr double kAround = 0.005;
+    bool lost = !found_before;
+    for (double& u : corner) {
+      if (lost || u > 1.0) continue;
+      const double a = u - kAround, b = std::min(1.0, u + kAround), f_a = value(a), f_b = value(b);
+      lost = (f_a > 0) == (f_b > 0);
+      if (!lost) u = between(a, f_a, b, f_b);
+    }
+    if (!lost) return;
+    // Near u = 0 the stress is too small for its corners to count.
+    constexpr std::array<double, 3> kFew = {0.02, 0.3, 1.0};
+    constexpr std::array<double, 14> kMany = {0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.96, 1.0};
+    const std::span<const double> searched = kept->thorough ? std::span<const double>(kMany) : std::span<const double>(kFew);
+    corner.fill(2.0);
+    std::size_t found = 0;
+    double a = searched[0], f_a = value(a);
+    for (const double b : searched.subspan(1)) {
+      const double f_b = value(b);
+      if ((f_a > 0) != (f_b > 0) && found < corner.size()) corner[found++] = between(a, f_a, b, f_b);
+      a = b;
+      f_a = f_b;
+    }
+  }
+
+  // Ends in u, theta = from + (to - from) u^3, of the pieces into which corners cut [from, to]; returns their number.
+  std::size_t cut(double from, double to, Ends& u) {
+    std::size_t n = 1;
+    u[0] = 0.0;
+    for (std::size_t i = 0; i < std::min(law.shear_corners.size(), kShearCorners); ++i) {
+      std::array<double, kPerPanel>& corner = kept->u[panel_index][i];
+      if (!fresh) find_shear_corners(from, to, *law.shear_corners[i], corner);
+      for (const double at : corner)
+        if (at < 1.0) u[n++] = at;
+    }
+    for (std::size_t i = 0; i < corner_count; ++i) {
+      const double share = (corners[i] - from) / (to - from);
+      if (share > 0.0 && share < 1.0) u[n++] = std::cbrt(share);
+    }
+    u[n] = 1.0;
+    std::sort(u.begin() + 1, u.begin() + static_cast<std::ptrdiff_t>(n));
+    return n;
+  }
+
+  void piece(Sums& sums, double from, double to, double u0, double u1, const Rule& rule) {
+    const double length = u1 - u0, size = 3.0 * length * std::abs(to - from);
+    for (std::size_t i = 0; i < rule.count; ++i) {
+      const double u = u0 + length * rule.u[i];
+      sums.add(at(from + (to - from) * u * u * u), size * u * u * rule.u_weight[i]);
+    }
   }
 
   // Panels so that every end of a branch of sigma or j has points clustered at it.
   template <class Integrate>
-  void panels(const Integrate& integrate) {
+  void panels(const Integrate& work) {
     const double m = arc.theta_m;
+    panel_index = 0;
+    const auto integrate = [&](double from, double to) {
+      if (from != to) work(from, to);
+      ++panel_index;
+    };
     if (!arc.skid_split || arc.locked) {
       integrate(arc.theta_f, m);
       integrate(arc.theta_r, m);
@@ -138,27 +306,17 @@ struct Evaluator {
     return 0.5 * (lo + hi);
   }
 
-  Sums integral(const Rule& rule) {
+  Sums integral(std::size_t order) {
     Sums sums;
-    panels([&](double from, double to) { panel(sums, from, to, rule); });
+    panels([&](double from, double to) { panel(sums, from, to, order); });
     return sums;
   }
 
   // Adaptive bisection of each panel with two rules of different order, for stresses that no fixed rule resolves.
   void refine(Sums& sums, double from, double to, double u0, double u1, double tolerance, int depth) {
-    const auto piece = [&](const Rule& rule, double a, double b) {
-      // `at` and `weight` hold u^3 on [0, 1]; undo the cube to place the rule on [a, b] of u.
-      Sums s;
-      for (std::size_t i = 0; i < rule.count; ++i) {
-        const double x = std::cbrt(rule.at[i]);
-        const double w = x > 0 ? rule.weight[i] / (3 * x * x) : 0.0;
-        const double u = a + (b - a) * x;
-        s.add(at(from + (to - from) * u * u * u), (b - a) * w * 3 * u * u * std::abs(to - from));
-      }
-      return s;
-    };
-    const Sums coarse = piece(rules()[0], u0, u1);
-    const Sums fine = piece(rules()[2], u0, u1);
+    Sums coarse, fine;
+    piece(coarse, from, to, u0, u1, rules()[1]);
+    piece(fine, from, to, u0, u1, rules()[3]);
     const double error = std::abs(fine.load - coarse.load) + std::abs(fine.pull - coarse.pull) + std::abs(fine.torque - coarse.torque);
     if (error <= tolerance || depth == 0) {
       sums.add(fine, 1.0);
@@ -171,7 +329,11 @@ struct Evaluator {
 
   Sums adaptive(double tolerance) {
     Sums sums;
-    panels([&](double from, double to) { refine(sums, from, to, 0.0, 1.0, tolerance, 24); });
+    panels([&](double from, double to) {
+      Ends u{};
+      const std::size_t pieces = cut(from, to, u);
+      for (std::size_t k = 0; k < pieces; ++k) refine(sums, from, to, u[k], u[k + 1], tolerance, 24);
+    });
     return sums;
   }
 };
@@ -199,7 +361,7 @@ Problems Operating::validate() const {
 }
 
 SteadyWheel::SteadyWheel(const WheelSize& wheel, const Soil& soil, const ContactAngles& angles, PointLaw law, SteadyOptions options)
-    : wheel_(wheel), soil_(soil), local_(soil), angles_(angles), law_(law), options_(options), hooks_(law.hooks()) {
+    : wheel_(wheel), soil_(soil), local_(soil), angles_(angles), law_(law), options_(options) {
   Problems problems;
   const auto collect = [&](const char* where, Problems found) {
     for (Problem& p : found) {
@@ -223,26 +385,37 @@ struct WheelProblem {
   const SteadyWheel& wheel;
   const LocalSoil& local;
   const ContactAngles& angles;
-  const PointLaw& law;
+  const PreparedLaw& law;
   const SteadyOptions& options;
-  unsigned hooks;
   Context context;
   double load = 0;
   double slip;  // asked for, before effects
   int evaluations = 0;
+  Evaluator::ShearCorners corners{};
   double slope;  // d ln(load) / d ln(entry angle), kept from one search to the next
 
-  WheelProblem(const SteadyWheel& w, const LocalSoil& l, const ContactAngles& a, const PointLaw& p, const SteadyOptions& o,
-            unsigned h, const Operating& op)
-      : wheel(w), local(l), angles(a), law(p), options(o), hooks(h), context(w.context(op)), slip(op.slip), slope(2.0 * l.n + 1.0) {}
+  WheelProblem(const SteadyWheel& w, const LocalSoil& l, const ContactAngles& a, const PreparedLaw& p, const SteadyOptions& o,
+               const Operating& op)
+      : wheel(w), local(l), angles(a), law(p), options(o), context(w.context(op)), slip(op.slip), slope(2.0 * l.n + 1.0) {}
 
   ContactShape shape(double entry) {
+    const double drop = 1.0 - std::cos(entry);
     ContactShape out{context.radius, slip, context.normal_load, 0.0};
-    context.sinkage = out.radius * (1.0 - std::cos(entry));
-    if (hooks & StressModifier::kContact) {
+    context.sinkage = out.radius * drop;
+    if (!law.contact.empty()) {
       context.slip = slip;
-      for (const StressModifier* m : law.modifiers)
-        if (m->hooks() & StressModifier::kContact) m->contact(context, out);
+      // A radius that depends on the sinkage which it gives: by secants.
+      double last = 0.0, last_error = 0.0;
+      for (int i = 0; i < 40; ++i) {
+        out = {context.radius, slip, context.normal_load, 0.0};
+        for (const StressModifier* m : law.contact) m->contact(context, out);
+        const double z = context.sinkage, error = out.radius * drop - z;
+        if (std::abs(error) <= 1e-14 * z) break;
+        context.sinkage = i == 0 ? out.radius * drop : z - error * (z - last) / (error - last_error);
+        if (!(context.sinkage > 0)) context.sinkage = 0.5 * (z + out.radius * drop);
+        last = z;
+        last_error = error;
+      }
       // Points see the slip that the soil sees.
       if (out.slip != slip) {
         context.slip = out.slip;
@@ -258,10 +431,13 @@ struct WheelProblem {
     const ContactShape s = shape(entry);
     load = s.normal_load;
     const ContactArc arc(s, angles, options.skid_shear, wheel.soil().friction_angle, entry);
-    Evaluator e{local, law, context, arc, law.modifiers.empty() && !law.pressure_law && !law.shear_law};
+    constexpr double kCoarseBend = 0.02, kBend = 1e-3;
+    corners.stale = order == 0 ? 0.02 : corners.bend == kBend ? 1e-5 : -1.0;  // what a coarse search found is never good enough
+    corners.bend = order == 0 ? kCoarseBend : kBend;
+    Evaluator e(local, law, context, arc, &corners);
     const double area = arc.radius * context.width;
     // The integrals are in Pa; each panel may err by a share of tolerance * load / area.
-    const Sums sums = order < 0 ? e.adaptive((law.modifiers.empty() ? 0.05 : 1.0) * quadrature_tolerance() * load / area) : e.integral(rules()[static_cast<std::size_t>(order)]);
+    const Sums sums = order < 0 ? e.adaptive(0.05 * options.tolerance * load / area) : e.integral(static_cast<std::size_t>(order));
     evaluations += e.evaluations;
     SteadyState out;
     out.entry_angle = entry;
@@ -277,9 +453,14 @@ struct WheelProblem {
     return out;
   }
 
-  // Effects may bend the stress sharply (limits, layers): a thousand times the tolerance is still far below their size,
-  // and spares the integrals of corners.
-  double quadrature_tolerance() const { return options.tolerance * (law.modifiers.empty() ? 1.0 : 1e3); }
+  // Sinkage and angles that belong to the entry angle.
+  void lay(SteadyState& s) {
+    const ContactArc arc(shape(s.entry_angle), angles, options.skid_shear, wheel.soil().friction_angle, s.entry_angle);
+    s.peak_angle = arc.theta_m;
+    s.exit_angle = arc.theta_r;
+    s.peak_clamped = arc.peak_clamped;
+    s.sinkage = context.sinkage;
+  }
 
   double scaled_difference(const SteadyState& a, const SteadyState& b) const {
     return std::max({std::abs(a.normal_load - b.normal_load), std::abs(a.drawbar_pull - b.drawbar_pull),
@@ -287,55 +468,77 @@ struct WheelProblem {
            load;
   }
 
-  // Root of load(entry) = load in log-log coordinates, where the curve is nearly straight; safeguarded by a bracket.
-  SteadyState find(double guess, int order, double tolerance) {
-    constexpr double kMax = 0.5 * std::numbers::pi;
-    double lo = 0.0, hi = kMax;
+  // What a search for load(entry) = load knows, in log-log coordinates, where the curve is nearly straight. Safeguarded
+  // by a bracket.
+  struct Search {
+    double x = 0.0;                      // entry angle to be tried next
+    double lo = 0.0, hi = kLargestEntry;
     bool hi_checked = false;
-    double x = std::clamp(guess, 1e-9, kMax);
-    double last_x = 0, last_y = 0;
-    bool have_last = false;
-    SteadyState state;
-    for (int i = 0; i < 200; ++i) {
-      state = evaluate(x, order);
-      if (!std::isfinite(state.normal_load)) throw RunError("steady wheel: the stresses are not finite; check the soil's parameters");
-      const double excess = state.normal_load - load;
-      if (std::abs(excess) <= tolerance * load) return state;
-      if (excess > 0) {
-        hi = x;
-        hi_checked = true;
-      } else {
-        lo = x;
-        if (x >= kMax)
-          throw RunError(fmt::format("steady wheel: the soil does not carry {:.6g} N: with the wheel buried to its axle (sinkage {:.4g} m) "
-                                     "it carries {:.6g} N at slip {:.4g}; lower the load or check k and n",
-                                     load, state.sinkage, state.normal_load, context.slip));
-      }
-      if (hi - lo <= 4e-16 * hi) return state;
-      double next;
-      if (state.normal_load > 0) {
-        const double y = std::log(state.normal_load / load);
-        if (have_last && x != last_x) {
-          const double s = (y - last_y) / std::log(x / last_x);
-          if (s > 0.2 && s < 20) slope = s;
-        }
-        last_x = x;
-        last_y = y;
-        have_last = true;
-        next = x * std::exp(-y / slope);
-      } else {
-        have_last = false;
-        next = 2 * x;
-      }
-      if (!(next > lo) || next >= hi) {
-        if (!hi_checked && next >= hi) next = kMax;
-        else next = 0.5 * (lo + hi);
-      } else if (i > 12) {
-        next = 0.5 * (lo + hi);
-      }
-      x = next;
+    int tried = 0;
+    int known = 0;                       // of the last points below, newest first
+    std::array<double, 3> ln_x{}, ln_y{};  // y = load/wanted
+    explicit Search(double guess) : x(std::clamp(guess, 1e-9, kLargestEntry)) {}
+  };
+  static constexpr double kLargestEntry = 0.5 * std::numbers::pi;
+
+  // Takes in a state at s.x and says where to look next. False: that was the last point worth trying.
+  bool step(Search& s, const SteadyState& state) {
+    if (!std::isfinite(state.normal_load)) throw RunError("steady wheel: the stresses are not finite; check the soil's parameters");
+    if (s.tried++ > 200) throw RunError(fmt::format("steady wheel: no entry angle found for {:.6g} N at slip {:.4g}", load, context.slip));
+    if (state.normal_load > load) {
+      s.hi = s.x;
+      s.hi_checked = true;
+    } else {
+      s.lo = s.x;
+      if (s.x >= kLargestEntry)
+        throw RunError(fmt::format("steady wheel: the soil does not carry {:.6g} N: with the wheel buried to its axle (sinkage {:.4g} m) "
+                                   "it carries {:.6g} N at slip {:.4g}; lower the load or check k and n",
+                                   load, state.sinkage, state.normal_load, context.slip));
     }
-    throw RunError(fmt::format("steady wheel: no entry angle found for {:.6g} N at slip {:.4g}", load, context.slip));
+    if (s.hi - s.lo <= 4e-16 * s.hi) return false;
+    double next;
+    if (state.normal_load > 0) {
+      const double ln_x = std::log(s.x), y = std::log(state.normal_load / load);
+      for (int i = 2; i > 0; --i) {
+        s.ln_x[static_cast<std::size_t>(i)] = s.ln_x[static_cast<std::size_t>(i - 1)];
+        s.ln_y[static_cast<std::size_t>(i)] = s.ln_y[static_cast<std::size_t>(i - 1)];
+      }
+      s.ln_x[0] = ln_x;
+      s.ln_y[0] = y;
+      s.known = std::min(s.known + 1, 3);
+      double way = -y / slope;  // in ln x
+      if (s.known > 1 && s.ln_x[1] != ln_x) {
+        const double secant = (y - s.ln_y[1]) / (ln_x - s.ln_x[1]);
+        if (secant > 0.2 && secant < 20) slope = secant;
+        way = -y / slope;
+        // Inverse quadratic interpolation through three points, where it bends the chord only a little.
+        const double d1 = s.ln_y[1] - y, d2 = s.ln_y[2] - y, d12 = s.ln_y[2] - s.ln_y[1];
+        if (s.known > 2 && d1 != 0 && d2 != 0 && d12 != 0) {
+          const double a1 = (s.ln_x[1] - ln_x) / d1, a12 = (s.ln_x[2] - s.ln_x[1]) / d12;
+          const double bent = -y * (a1 - (a12 - a1) / d2 * s.ln_y[1]);
+          if (std::abs(bent - way) < 0.2 * std::abs(way)) way = bent;
+        }
+      }
+      next = s.x * std::exp(way);
+    } else {
+      s.known = 0;
+      next = 2 * s.x;
+    }
+    if (!(next > s.lo) || next >= s.hi) {
+      next = !s.hi_checked && next >= s.hi ? kLargestEntry : 0.5 * (s.lo + s.hi);
+    } else if (s.tried > 12) {
+      next = 0.5 * (s.lo + s.hi);
+    }
+    s.x = next;
+    return true;
+  }
+
+  SteadyState find(double guess, int order, double tolerance) {
+    Search s(guess);
+    for (;;) {
+      const SteadyState state = evaluate(s.x, order);
+      if (std::abs(state.normal_load - load) <= tolerance * load || !step(s, state)) return state;
+    }
   }
 };
 
@@ -362,7 +565,7 @@ Context SteadyWheel::context(const Operating& op) const {
 
 SteadyState SteadyWheel::solve(const Operating& operating) const {
   throw_if_any(operating.validate());
-  WheelProblem problem(*this, local_, angles_, law_, options_, hooks_, operating);
+  WheelProblem problem(*this, local_, angles_, law_, options_, operating);
   const ContactShape s0 = problem.shape(0.3);
   // Bekker's sinkage of a towed rigid wheel (1969) starts the search.
   const double kz = soil_.k / std::pow(soil_.plate_width, soil_.n);
@@ -372,26 +575,63 @@ SteadyState SteadyWheel::solve(const Operating& operating) const {
   problem.load = s0.normal_load;
   // A coarse root first, then finer rules until two orders agree.
   const bool split = s0.slip < 0 && std::isfinite(s0.slip);  // four half-size panels need fewer points each
-  int order = split ? 0 : 1;
+  const double close = 0.3 * options_.tolerance;
+  const auto excess = [&](const SteadyState& s) { return std::abs(s.normal_load - problem.load) / problem.load; };
+  int order = split ? 1 : 2;
   SteadyState state = problem.find(guess, 0, 1e-4);
-  state = problem.find(state.entry_angle, order, 0.3 * options_.tolerance);
-  for (;;) {
-    const bool adaptive = order + 1 == static_cast<int>(kOrders.size());
-    const SteadyState finer = problem.evaluate(state.entry_angle, adaptive ? -1 : order + 1);
-    const double difference = problem.scaled_difference(state, finer);
-    // Two rules of 40 points and more bracket a corner closely: what they differ by is already more than they err by.
-    const double share = !law_.modifiers.empty() && order >= 4 ? 10.0 : 0.3;
-    if (difference <= share * problem.quadrature_tolerance()) {
-      state = finer;
+  int state_order = 0;
+  double coarse_difference = 0.0;  // between the rule before and this one
+  for (bool first = true;; first = false) {
+    // A secant of rule `order` leads to the root, which is evaluated by the next finer rule and held against what the
+    // secant says.
+    const int last = static_cast<int>(kOrders.size()) - 1;
+    WheelProblem::Search search(state.entry_angle);
+    SteadyState before, now = state_order == order ? state : problem.evaluate(search.x, order);
+    if (first) coarse_difference = problem.scaled_difference(state, now);
+    bool moved = problem.step(search, now);
+    do {
+      before = now;
+      if (moved) now = problem.evaluate(search.x, order);
+      moved = moved && problem.step(search, now);
+    } while (moved && excess(now) > 1e-5);
+    state_order = order < last ? order + 1 : -1;
+    state = problem.evaluate(moved ? search.x : now.entry_angle, state_order);
+    const double way = now.entry_angle - before.entry_angle;
+    const auto along = [&](SteadyState& s, double share) {
+      for (double SteadyState::*m : {&SteadyState::entry_angle, &SteadyState::normal_load, &SteadyState::drawbar_pull, &SteadyState::driving_torque,
+                                     &SteadyState::compaction_resistance, &SteadyState::drag})
+        s.*m += share * (now.*m - before.*m);
+    };
+    SteadyState expected = now;
+    if (way != 0) along(expected, (state.entry_angle - now.entry_angle) / way);
+    const double difference = problem.scaled_difference(expected, state);
+    // Two differences tell how fast the rules converge, and so what the finer one still errs by: with effects that is
+    // relied on, for what they bend costs several rules more.
+    const double error = difference * std::min(1.0, difference / std::max(coarse_difference, difference));
+    if (difference <= close || (!law_.plain && error <= close && difference <= 100.0 * options_.tolerance)) {
+      // What is left of the load: a step too small to bend the secant.
+      if (way != 0 && now.normal_load != before.normal_load) {
+        along(state, (problem.load - state.normal_load) / (now.normal_load - before.normal_load));
+        problem.lay(state);
+      }
       break;
     }
-    if (adaptive) {
-      state = problem.find(state.entry_angle, -1, 0.5 * problem.quadrature_tolerance());
+    if (order == last) {
+      state = problem.find(state.entry_angle, -1, 0.5 * options_.tolerance);
       break;
     }
-    // Rules far from resolving the stresses are skipped.
-    order = std::min(static_cast<int>(kOrders.size()) - 1, order + (difference > 1e3 * problem.quadrature_tolerance() ? 2 : 1));
-    state = problem.find(finer.entry_angle, order, 0.3 * options_.tolerance);
+    coarse_difference = difference;
+    if (difference <= 1e3 * options_.tolerance) {
+      ++order;
+      continue;
+    }
+    // Rules far from resolving the stresses are skipped, and corners that were missed are looked for.
+    order = std::min(last, order + 2);
+    if (!problem.corners.thorough) {
+      problem.corners.thorough = true;
+      problem.corners.entry = 0.0;
+      state_order = 0;
+    }
   }
   state.evaluations = problem.evaluations;
   return state;
@@ -401,7 +641,7 @@ SteadyState SteadyWheel::at_entry_angle(const Operating& operating, double entry
   throw_if_any(operating.validate());
   if (!(entry_angle > 0 && entry_angle <= 0.5 * std::numbers::pi))
     throw InputError(Problem{{}, 0, 0, "entry_angle", fmt::format("is {} rad", entry_angle), "above 0, at most pi/2"});
-  WheelProblem problem(*this, local_, angles_, law_, options_, hooks_, operating);
+  WheelProblem problem(*this, local_, angles_, law_, options_, operating);
   SteadyState state = problem.evaluate(entry_angle, -1);
   state.evaluations = problem.evaluations;
   return state;
@@ -409,9 +649,9 @@ SteadyState SteadyWheel::at_entry_angle(const Operating& operating, double entry
 
 void SteadyWheel::profile(const Operating& operating, const SteadyState& state, std::span<ProfilePoint> points) const {
   throw_if_any(operating.validate());
-  WheelProblem problem(*this, local_, angles_, law_, options_, hooks_, operating);
+  WheelProblem problem(*this, local_, angles_, law_, options_, operating);
   const ContactArc arc(problem.shape(state.entry_angle), angles_, options_.skid_shear, soil_.friction_angle, state.entry_angle);
-  Evaluator e{local_, law_, problem.context, arc, law_.modifiers.empty() && !law_.pressure_law && !law_.shear_law};
+  Evaluator e(local_, law_, problem.context, arc);
   for (std::size_t i = 0; i < points.size(); ++i) {
     const double share = points.size() > 1 ? static_cast<double>(i) / static_cast<double>(points.size() - 1) : 0.5;
     e.at(arc.theta_r + (arc.theta_f - arc.theta_r) * share, &points[i]);

@@ -49,8 +49,8 @@ enum class SkidShear {
 
 struct SteadyOptions {
   SkidShear skid_shear = SkidShear::as_printed;
-  // Of forces relative to the load, of torque relative to load times radius; with modifiers the integrals may err by a
-  // thousand times as much.
+  // Of forces relative to the load, of torque relative to load times radius; with modifiers up to ten times as much where
+  // a corner of their laws is just touched.
   double tolerance = 1e-9;
 };
 
@@ -105,9 +105,8 @@ class SteadyWheel {
   Soil soil_;
   LocalSoil local_;
   ContactAngles angles_;
-  PointLaw law_;
+  PreparedLaw law_;
   SteadyOptions options_;
-  unsigned hooks_ = 0;
 };
 
 }  // namespace terrode::bekker

@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "cli/effects_agreement.h"
 #include "cli/terminal.h"
 #include "effects/catalogue.h"
 
@@ -47,7 +48,34 @@ Json effect_json(const EffectType& type) {
           {"reference_change",
            {{"drawbar_pull", number(d.drawbar_pull)}, {"driving_torque", number(d.driving_torque)}, {"sinkage", number(d.sinkage)}}},
           {"confused_with", i.confused_with},
-          {"separated_by", i.separated_by}};
+          {"separated_by", i.separated_by},
+          {"parts_in_time", i.parts_in_time}};
+}
+
+Json reading_json(const effects::Reading& r) {
+  return {{"drawbar_pull", number(r.drawbar_pull)}, {"driving_torque", number(r.driving_torque)}, {"sinkage", number(r.sinkage)}};
+}
+
+void agreement(const Common& common) {
+  const std::vector<Agreement> rows = effects_agreement(common.threads);
+  if (!common.json) {
+    std::fputs(agreement_markdown(rows).c_str(), stdout);
+    return;
+  }
+  Json all = Json::array();
+  for (const Agreement& r : rows) {
+    if (!r.error.empty()) {
+      all.push_back({{"id", r.id}, {"error", r.error}});
+      continue;
+    }
+    all.push_back({{"id", r.id},
+                   {"steady", reading_json(r.steady)},
+                   {"node_spring", reading_json(r.node_spring)},
+                   {"ripple", reading_json(r.ripple)},
+                   {"gap", number(r.gap)},
+                   {"reason", effects::find_effect(r.id)->info->parts_in_time}});
+  }
+  print_json({{"effects", all}});
 }
 
 void list(const std::string& id, bool markdown, const Common& common) {
@@ -83,9 +111,14 @@ void add_effects(CLI::App& app, Common& common) {
   const auto markdown = std::make_shared<bool>(false);
   command->add_option("ID", *id, "one effect in full; none: a table of all")->type_name("");
   command->add_flag("--markdown", *markdown, "the page docs/effects.md");
+  const auto both = std::make_shared<bool>(false);
+  command->add_flag("--agreement", *both, "what each changes in the steady wheel and in a node-spring run: the page docs/effects-agreement.md");
   add_common(*command, common, false);
   for (const EffectType& t : effects::all_effects()) common.words["effects ID"].emplace_back(t.info->id);
-  command->callback([id, markdown, &common] { list(*id, *markdown, common); });
+  command->callback([id, markdown, both, &common] {
+    if (*both) agreement(common);
+    else list(*id, *markdown, common);
+  });
 }
 
 }  // namespace terrode::cli

@@ -21,7 +21,8 @@ const Info& info() {
       {0, 0, 1, false, false, true, false, false,
        "sinkage linear along the travel, the same in every run; pull up by a small share of the load, torque unchanged"},
       {"density_gradient", "sensor_drift"},
-      "an unloaded pass with the sinkage sensor"};
+      "an unloaded pass with the sinkage sensor",
+      "the pull, inclined with the bed, changes the load on the soil by pull times slope; the steady wheel leaves that out"};
   return out;
 }
 

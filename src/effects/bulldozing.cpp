@@ -15,7 +15,7 @@ const Info& info() {
       "The wheel pushes a wedge of soil in front of it that fails passively.",
       "R_b = factor b (gamma z^2 N_phi/2 + 2 c z sqrt(N_phi)), as a pressure factor (gamma depth N_phi + 2 "
       "c sqrt(N_phi)) on the projected front",
-      "Bekker 1956; passive earth pressure (Rankine)",
+      "Bekker 1956 (as public codes have it); passive earth pressure (Rankine)",
       {{"factor", "-", 0, 0, 30, 1, 2, Scale::linear, true, "times the passive force of a wedge of wheel width"}},
       "wedge forces",
       {-1, 0, 0, false, false, false, false, false,

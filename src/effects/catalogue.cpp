@@ -121,6 +121,7 @@ std::string catalogue_entry(const EffectType& type) {
   if (!varies_with(i.fingerprint).empty()) line("varies with", varies_with(i.fingerprint));
   if (!i.confused_with.empty()) line("confused with", join(i.confused_with));
   line("told apart by", std::string(i.separated_by));
+  if (!i.parts_in_time.empty()) line("in time", std::string(i.parts_in_time));
   return out;
 }
 
@@ -135,7 +136,12 @@ std::string catalogue_markdown() {
       "and load, then the soil's parameters, pressure, shear, wedges, the bed, then rig and sensors. Effects of soil, wheel and\n"
       "wedges change the stress at each point of the contact: the steady wheel integrates it, every node of the node-spring\n"
       "ground evaluates it. A bed effect is the height of the ground in time series and its quasi-static consequence in the\n"
-      "steady wheel. Effects of rig and sensors change what is measured, and nothing else. Ripples average to zero in means.\n\n"
+      "steady wheel. Effects of rig and sensors change what is measured, and nothing else. Ripples average to zero in means.\n"
+      "`docs/effects-agreement.md` holds both methods against each other.\n\n"
+      "Energy: with effects of soil, wheel and wedges the power that the wheel takes less the power that it gives still is what\n"
+      "compaction, sliding, soil pushed in front and sliding behind lugs take; a bed gives or takes what the wheel's fall or rise\n"
+      "does; a slope likewise; friction of drive and guide is heat in the rig. Bias, gain, cross-talk, drift, lag, datum and\n"
+      "resonance are errors of reading: a balance of what was measured misses them, and no energy flows.\n\n"
       "The changes are those of a wheel of 130 mm by 160 mm at s = 0.3 and 0.3 rad/s under 115 N on Mojave Martian Simulant with\n"
       "K = 8 mm, third pass, 0.2 m along a run of 0.7 m, 5 s after its start, with the effect at its typical strength, by the\n"
       "steady wheel. `docs/adding-an-effect.md` shows how to add one.\n\n"

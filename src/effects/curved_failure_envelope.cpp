@@ -12,8 +12,9 @@ const Info& info() {
                         Class::shear,
                         "curved failure envelope",
                         "The friction angle falls as the normal stress rises.",
-                        "phi = phi0 - dphi log10(sigma/10 kPa), within 0 and 80 deg, for sigma above 1 Pa",
-                        "Duncan et al. 1980 (form; range 3 to 10 deg per decade)",
+                        "phi = phi0 - dphi log10(sigma/10 kPa), within 0 and 80 deg, sigma taken as 1 Pa at least",
+                        "form of Duncan et al. 1980: a fall of phi for every tenfold of stress (theirs is the minor "
+                        "principal stress over the atmosphere's); range of 3 to 10 deg from memory",
                         {{"dphi", "rad", 0, -0.2, 0.4, 0.07, 0.07, Scale::linear, true,
                           "fall of the friction angle per decade of stress"}},
                         "shear",
@@ -29,8 +30,7 @@ class CurvedFailureEnvelope final : public Effect {
   unsigned hooks() const override { return kShear; }
   double shear(const bekker::Context&, const bekker::Point&, const bekker::LocalSoil& s, double sigma,
                double tau) const override {
-    if (sigma <= 1.0) return tau;
-    const double phi = std::clamp(std::atan(s.tan_phi) - p(0) * std::log10(sigma / 1e4), 0.0, 1.4);
+    const double phi = std::clamp(std::atan(s.tan_phi) - p(0) * std::log10(std::max(sigma, 1.0) / 1e4), 0.0, 1.4);
     const double base = s.cohesion + sigma * s.tan_phi;
     return base > 0 ? tau * (s.cohesion + sigma * std::tan(phi)) / base : tau;
   }

@@ -20,7 +20,8 @@ const Info& info() {
       {0, 0, -1, false, false, true, false, false,
        "sinkage changes along the travel at the same place in every run, pull with it"},
       {"bed_drift", "wall_effect", "sensor_drift"},
-      "two speeds, or another starting point: position against time"};
+      "two speeds, or another starting point: position against time",
+      "the steady wheel is in equilibrium at every place; a rolling one lags behind the ground that stiffens by a part of its contact, and is lifted as it goes"};
   return out;
 }
 

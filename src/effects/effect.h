@@ -67,6 +67,8 @@ struct Info {
   Fingerprint fingerprint;
   std::vector<std::string_view> confused_with;
   std::string_view separated_by;  // the experiment that tells them apart
+  // Why a simulation in time parts from the steady means by more than a twentieth of the change; empty: it does not.
+  std::string_view parts_in_time = {};
 };
 
 // One instant of a run, as the rig and its sensors see it.

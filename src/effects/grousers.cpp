@@ -16,7 +16,7 @@ const Info& info() {
       "they enter one after another.",
       "drive = (count h/(2 pi r)) [N_phi (gamma (depth + h)/2 + 0.06 sigma) + 2 c sqrt(N_phi) + 0.4 k (h/b)^n] "
       "sign(s)(1 - exp(-|s|/0.1)) (1 + 0.1 sin(count psi))",
-      "passive wedge of Bekker 1969 on each lug, spread over the rim; the bearing of the lug's face (0.4 of a plate "
+      "passive wedge of Bekker 1969 (from memory) on each lug, spread over the rim; the bearing of the lug's face (0.4 of a plate "
       "pushed as deep as the lug is high), the share of sigma and the slip law constructed here; ripple of lugs: Irani, "
       "Bauer & Warkentin 2011, J. Terramechanics 48:307",
       {{"height", "m", 0, 0, 0.2, 0.008, 0.01, Scale::linear, true, "of a lug above the rim"},

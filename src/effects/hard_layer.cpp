@@ -14,8 +14,8 @@ const Info& info() {
       "hard layer below",
       "A firmer layer or the bin's floor lies below: pressure rises faster than the power law beyond a "
       "depth.",
-      "sigma = sigma [1 + stiffening (z - depth)/depth], z > depth (the corner rounded over a quarter of the depth)",
-      "constructed here; stiff bottom of Bekker 1969",
+      "sigma = sigma [1 + stiffening (z - depth)/depth], z > depth",
+      "constructed here; stiff bottom of Bekker 1969 (from memory)",
       {{"stiffening", "-", 0, 0, 50, 1, 1, Scale::linear, true, "relative rise of pressure per depth"},
        {"depth", "m", 0.006, 0.001, 1, 0.006, 0.006, Scale::log, false, "where it begins"}},
       "pressure",
@@ -25,17 +25,14 @@ const Info& info() {
   return out;
 }
 
-constexpr double kRounding = 0.25;  // of the depth: a corner would cost the integrals of the steady wheel their order
-
 class HardLayer final : public Effect {
  public:
   using Effect::Effect;
   unsigned hooks() const override { return kPressure; }
+  double corner() const override { return p(1); }
   double pressure(const bekker::Context&, const bekker::Point& q, const bekker::LocalSoil&,
                   double sigma) const override {
-    const double x = (q.sinkage - p(1)) / (kRounding * p(1));
-    if (x <= -1.0) return sigma;
-    return sigma * (1.0 + p(0) * kRounding * (x >= 1.0 ? x : 0.25 * (x + 1.0) * (x + 1.0)));
+    return q.sinkage > p(1) ? sigma * (1.0 + p(0) * (q.sinkage / p(1) - 1.0)) : sigma;
   }
 };
 

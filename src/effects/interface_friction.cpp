@@ -14,7 +14,7 @@ const Info& info() {
       "friction limit of the wheel's surface",
       "A smooth wheel slides on the soil before the soil shears: shear stress is limited by adhesion and "
       "interface friction.",
-      "tau <= c_a + sigma tan(delta), rounded: tau (1 + (tau/limit)^8)^(-1/8)",
+      "tau = min(tau, c_a + sigma tan(delta))",
       "Mohr-Coulomb limit of the interface; Shikanai et al. 2000, J. Terramechanics 37:21 compare surfaces",
       {{"delta", "rad", std::numbers::pi / 2, 0.02, std::numbers::pi / 2, 0.45, 0.3, Scale::linear, true, "friction angle of the surface"},
        {"adhesion", "Pa", 0, 0, 1e4, 0, 100, Scale::linear, false, "adhesion of the surface"}},
@@ -29,14 +29,13 @@ const Info& info() {
 class InterfaceFriction final : public Effect {
  public:
   using Effect::Effect;
-  unsigned hooks() const override { return kShear; }
-  double shear(const bekker::Context&, const bekker::Point&, const bekker::LocalSoil&, double sigma,
-               double tau) const override {
+  unsigned hooks() const override { return kShear | kShearCorner; }
+  double shear_corner(const bekker::Context&, const bekker::Point&, const bekker::LocalSoil&, double sigma, double tau) const override {
     const double limit = p(1) + sigma * tan_delta_;
-    if (!(tau > 0) || !(limit > 0)) return std::min(tau, std::max(limit, 0.0));
-    const double over = tau / limit, squared = over * over, fourth = squared * squared;
-    if (over > 1e3) return limit;
-    return tau / std::sqrt(std::sqrt(std::sqrt(1.0 + fourth * fourth)));
+    return limit > 0 ? 1.0 - tau / limit : -1.0;
+  }
+  double shear(const bekker::Context&, const bekker::Point&, const bekker::LocalSoil&, double sigma, double tau) const override {
+    return std::min(tau, std::max(p(1) + sigma * tan_delta_, 0.0));
   }
 
  private:

@@ -22,7 +22,8 @@ const Info& info() {
       {0, 0, -1, false, true, false, false, false,
        "nothing on the first pass; sinkage falls from pass to pass, less each time"},
       {"density_gradient"},
-      "three passes or more at two slips"};
+      "three passes or more at two slips",
+      "the steady wheel rolls on level ground whatever the pass; in a simulation the rut of the pass before is there and has been pressed already"};
   return out;
 }
 

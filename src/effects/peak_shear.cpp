@@ -15,7 +15,7 @@ const Info& info() {
       "Dense soil reaches a peak of shear stress and then falls to its residual as it is sheared on.",
       "tau = tau_max Kr {1 + [1/(Kr (1 - 1/e)) - 1] exp(1 - j/Kw)} (1 - exp(-j/Kw)) (blended from the plain "
       "law for Kr from 1 to 0.95)",
-      "Wong 1983; Theory of Ground Vehicles",
+      "Wong 1983; Wong, Theory of Ground Vehicles (as public codes have it); blend constructed here",
       {{"Kr", "-", 1, 0.1, 1, 0.75, 0.3, Scale::linear, true, "residual over peak"},
        {"Kw", "m", 0.004, 1e-4, 0.1, 0.004, 0.01, Scale::log, false, "displacement of the peak"}},
       "shear",

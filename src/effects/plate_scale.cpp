@@ -15,7 +15,8 @@ const Info& info() {
       "The wheel's contact has another size and shape than the plate that k was measured with, so its k "
       "differs by one factor.",
       "k_wheel = factor k_plate",
-      "Meirion-Griffith & Spenko 2011, J. Terramechanics 48:149 (small diameters)",
+      "one factor, constructed here; that a flat plate misjudges wheels of small diameter: Meirion-Griffith & Spenko 2011, J. "
+      "Terramechanics 48:149",
       {{"factor", "-", 1, 0.05, 20, 0.8, 0.3, Scale::linear, true, "k of the wheel over k of the plate"}},
       "pressure",
       {0, 0, 1, false, false, false, false, false, "one factor on k in all runs: only a plate test disagrees"},

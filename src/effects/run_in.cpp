@@ -20,7 +20,8 @@ const Info& info() {
       "pressure and shear, by travel",
       {0, 0, 0, false, false, false, true, true, "drift from the start of each run that ends with the distance"},
       {"sensor_drift", "density_gradient"},
-      "longer runs; restart in the same rut"};
+      "longer runs; restart in the same rut",
+      "the steady wheel is in equilibrium at every instant; a rolling one follows after a contact length"};
   return out;
 }
 

@@ -33,13 +33,13 @@ class Skew final : public Effect {
                double tau) const override {
     const double jy = lateral(c, q), j = q.shear_displacement;
     if (!std::isfinite(j) || jy <= 0) return tau;
-    const double resultant = std::hypot(j, jy);
+    const double resultant = std::sqrt(j * j + jy * jy);
     return resultant > 0 ? tau * j / resultant : tau;
   }
   void traction(const bekker::Context& c, const bekker::Point& q, const bekker::LocalSoil& s,
                 bekker::Stress& out) const override {
     const double jy = lateral(c, q), j = q.shear_displacement;
-    const double resultant = std::hypot(j, jy);
+    const double resultant = std::sqrt(j * j + jy * jy);
     if (!(resultant > 0) || !std::isfinite(resultant)) return;
     const double tau = (s.cohesion + out.sigma * s.tan_phi) * (1.0 - std::exp(-resultant / s.shear_modulus));
     out.drag += tau * (jy / resultant) * sin_angle_;

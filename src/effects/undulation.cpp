@@ -20,7 +20,8 @@ const Info& info() {
       "bed",
       {0, 0, 0, false, false, true, false, false, "sinkage and pull wave with position, a quarter wave apart"},
       {"density_gradient"},
-      "a profile of the fresh bed"};
+      "a profile of the fresh bed",
+      "the contact is a third of a wave long and evens it out; the steady wheel takes it as a point"};
   return out;
 }
 

@@ -107,6 +107,7 @@ terrain::NodeSpringParams node_spring_params(const Scenario& s) {
   out.unloading_k0 = s.terrain.unloading_k0;
   out.unloading_au = s.terrain.unloading_au;
   out.damping = s.terrain.damping;
+  out.travel_length = s.rig.travel;
   return out;
 }
 

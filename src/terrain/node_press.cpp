@@ -113,7 +113,7 @@ ContactResult NodeSpringTerrain::press(BodyState& s, const Pose& pose, const Twi
         const bekker::LocalSoil soil = soil_at(px, py, sinkage);
         const Vec3 v = twist.v_W + twist.w_W.cross(arm);
         bekker::Stress stress;
-        if (!with_laws_) {
+        if (law_.plain) {
           stress.sigma = held * bekker::power_law_pressure(soil, sinkage);
           stress.tau = (soil.cohesion + stress.sigma * soil.tan_phi) * bekker::janosi_mobilised(soil, length);
         } else {

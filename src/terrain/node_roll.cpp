@@ -10,7 +10,6 @@
 namespace terrode::terrain {
 
 using bekker::ContactArc;
-using bekker::StressModifier;
 
 namespace {
 
@@ -162,6 +161,8 @@ void NodeSpringTerrain::Roll::describe() {
       gone = motion.go;
       path = 0.5 * (std::abs(rolled) + std::abs(gone));
       left = std::exp(-path / length);
+    } else {
+      rolled = gone = path;  // set down on a slope, a wheel moves along it a little without turning
     }
     if (path > 0) {
       const double turned = facing * kept.direction;
@@ -181,15 +182,15 @@ void NodeSpringTerrain::Roll::describe() {
   context.normal_load = kept.load;
   context.position = trial.travel;
   context.time = ground.t_;
+  context.travel_length = params.travel_length;
   context.radius = rolling.radius;
   context.width = rolling.width;
   context.unit_weight = params.soil.unit_weight();
   context.wheel_angle = trial.turned;
   shape = {rolling.radius, context.slip, kept.load, 0.0};
-  if (ground.hooks_ & StressModifier::kContact)
-    for (const StressModifier* m : ground.law_.modifiers)
-      if (m->hooks() & StressModifier::kContact) m->contact(context, shape);
+  for (const bekker::StressModifier* m : ground.law_.contact) m->contact(context, shape);
   lift = shape.radius - rolling.radius;
+  motion.stretch = shape.radius / rolling.radius;
 }
 
 // Distance from the arc's centre down to the ground as it lies, at the rim's point (x, y) that is `below` the centre.
@@ -408,7 +409,7 @@ void NodeSpringTerrain::Roll::cell(Cell& out, const Node& node, std::size_t k, d
       bekker::LocalSoil soil = ground.soil_;
       if (ground.field_) ground.field_->at(px, py, deepest, soil);
       bekker::Stress stress;
-      if (!ground.with_laws_) {
+      if (ground.law_.plain) {
         stress.sigma = bekker::power_law_pressure(soil, deepest);
         stress.tau = (soil.cohesion + share * stress.sigma * soil.tan_phi) * bekker::janosi_mobilised(soil, length_j);
         stress.sigma *= share;
@@ -637,7 +638,14 @@ void NodeSpringTerrain::Roll::sum(Sums& sums) const {
 ContactResult NodeSpringTerrain::Roll::result(const Sums& sums) const {
   ContactResult r;
   const auto world = [&](const Vec3& v) -> Vec3 { return v.x() * e_f + v.y() * e_y + v.z() * e_d; };
-  Vec3 force = sums.normal + sums.shear, moment = sums.normal_moment + sums.shear_moment;
+  Vec3 normal_moment = sums.normal_moment, shear_moment = sums.shear_moment;
+  if (lift != 0) {
+    // The rim of a flexible wheel runs along the flattened arc at its own speed: stress along the arc's normals does no
+    // work on it, shear has the lever of the rim.
+    normal_moment.y() -= lift * sums.normal.x();
+    shear_moment.y() = (shear_moment.y() - lift * sums.shear.x()) / motion.stretch;
+  }
+  Vec3 force = sums.normal + sums.shear, moment = normal_moment + shear_moment;
   // Soil wedges push horizontally: the thrust with its torque, the drag through the axle.
   force.x() += sums.drive - sums.drag;
   moment.y() -= rolling.radius * sums.drive;
@@ -651,8 +659,8 @@ ContactResult NodeSpringTerrain::Roll::result(const Sums& sums) const {
   r.max_sinkage = sums.max_sinkage;
   r.stored_energy = sums.stored;
   r.damping_power = sums.damping_power;
-  r.slip_power = -(sums.shear.dot(v) + sums.shear_moment.dot(w)) - sums.drive * (v.x() - rolling.radius * w.y());
-  r.plastic_power = -(sums.normal.dot(v) + sums.normal_moment.dot(w)) + sums.drag * v.x() - sums.damping_power;
+  r.slip_power = -(sums.shear.dot(v) + shear_moment.dot(w)) - sums.drive * (v.x() - rolling.radius * w.y());
+  r.plastic_power = -(sums.normal.dot(v) + normal_moment.dot(w)) + sums.drag * v.x() - sums.damping_power;
   if (kept.placed && ground.t_ > kept.time) r.plastic_power -= (sums.stored - kept.stored) / (ground.t_ - kept.time);
   // Loading along the normal and sliding across it act at the lowest point.
   const Mat3 along = u * u.transpose(), pull = sums.load_stiffness * along + sums.shear_stiffness * (Mat3::Identity() - along);

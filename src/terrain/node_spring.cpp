@@ -24,6 +24,7 @@ Problems NodeSpringParams::validate() const {
   if (unloading == Unloading::elastic_plastic)
     require(p, "unloading_k0", unloading_k0, "Pa/m", unloading_k0 + unloading_au > 0,
             "a stiffness above 0 for elastic-plastic unloading");
+  require(p, "travel_length", travel_length, "m", travel_length >= 0, "0 or more");
   require(p, "damping", damping, "Pa s/m", damping >= 0, "0 or more");
   require(p, "heap_fraction", heap_fraction, "-", heap_fraction >= 0 && heap_fraction <= 1, "a fraction from 0 to 1");
   require(p, "repose_angle", repose_angle, "rad", repose_angle >= 0 && repose_angle < 0.5 * std::numbers::pi,
@@ -35,8 +36,6 @@ NodeSpringTerrain::NodeSpringTerrain(const NodeSpringParams& params, bekker::Poi
                                      std::shared_ptr<const Surface> surface, std::shared_ptr<const SoilField> field)
     : params_(params),
       law_(law),
-      hooks_(law.hooks()),
-      with_laws_(!law.modifiers.empty() || law.pressure_law || law.shear_law),
       soil_(params.soil),
       field_(std::move(field)),
       grid_((throw_if_any(params.validate()), params.spacing), surface ? surface : std::make_shared<LevelSurface>()) {}

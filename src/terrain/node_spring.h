@@ -61,6 +61,7 @@ struct NodeSpringParams {
   double springback = 2e-4;           // [m] rigid_plastic: rise over which a node lets go
   double unloading_k0 = 0.0;          // [Pa/m] k0 of elastic_plastic
   double unloading_au = 0.0;          // [Pa/m2] A_u
+  double travel_length = 0.0;         // [m] of the bin or the run, for effects near its ends; 0: unknown
   double damping = 0.0;               // [Pa s/m] dashpot along the surface normal; pressure never falls below 0
   double heap_fraction = 0.0;         // [-] of the soil pushed down that is heaped around the contact; 0: none
   double repose_angle = 0.0;          // [rad] slope to which heaps and rut walls fall; 0: they stand at any slope
@@ -127,9 +128,7 @@ class NodeSpringTerrain final : public Terrain {
   }
 
   NodeSpringParams params_;
-  bekker::PointLaw law_;
-  unsigned hooks_ = 0;
-  bool with_laws_ = false;
+  bekker::PreparedLaw law_;
   bekker::LocalSoil soil_;
   std::shared_ptr<const SoilField> field_;
   NodeGrid grid_;

@@ -45,6 +45,7 @@ struct RimMotion {
   double yaw = 0.0;            // turn of the heading towards the axle's direction [rad]
   double roll = 0.0;           // rise of the axle's end [rad]
   double radius = 0.0;         // [m]
+  double stretch = 1.0;        // radius of the arc in contact over the rim's: material passes a flattened arc's angles faster
   bool known = false;          // false for the first pose: nothing has moved
 };
 
@@ -66,7 +67,7 @@ class RimShear {
 
   // At angle theta of the contact within a strip.
   ShearPath at(double theta, std::size_t strip, const bekker::ContactArc& arc) const {
-    const double place = (facing_ * theta + angle_) * (1.0 / kStep);
+    const double place = (facing_ * stretch_ * theta + angle_) * (1.0 / kStep);
     const double floor = std::floor(place);
     const int m = static_cast<int>(floor);
     const std::size_t k = uniform_ ? 0 : strip;
@@ -79,7 +80,7 @@ class RimShear {
     } else {
       // One neighbour lies outside the contact. At the front, displacement starts at 0 on theta_f.
       const Mark& in = a.active ? a : b;
-      const double theta_in = facing_ * ((a.active ? m : m + 1) * kStep - angle_);
+      const double theta_in = facing_ * ((a.active ? m : m + 1) * kStep - angle_) / stretch_;
       const double w = theta_in < theta ? (arc.theta_f - theta) / (arc.theta_f - theta_in) : 1.0;
       along = w * in.along;
       across = w * in.across;
@@ -98,6 +99,7 @@ class RimShear {
     out.put(static_cast<std::uint8_t>(uniform_));
     out.put(facing_);
     out.put(angle_);
+    out.put(stretch_);
     for (int m = from_; m < to_; ++m)
       for (std::size_t k = 0; k < (uniform_ ? 1 : strips_); ++k) {
         const Mark& x = marks_[row(m) + k];
@@ -114,6 +116,7 @@ class RimShear {
     uniform_ = in.template get<std::uint8_t>() != 0;
     facing_ = in.template get<double>();
     angle_ = in.template get<double>();
+    stretch_ = in.template get<double>();
     if (to_ < from_ || to_ - from_ > kMarkers) return false;
     first_ = turn(from_);
     for (int m = from_; m < to_; ++m)
@@ -148,7 +151,7 @@ class RimShear {
   int from_ = 0, to_ = 0;    // markers that count: [from, to)
   int first_ = 0;            // from_ within a turn
   bool uniform_ = true;      // all strips are alike: the first stands for all
-  double facing_ = 1.0, angle_ = 0.0;
+  double facing_ = 1.0, angle_ = 0.0, stretch_ = 1.0;
 };
 
 }  // namespace terrode::terrain

@@ -7,7 +7,7 @@ namespace terrode::vehicle {
 
 void apply_instruments(const effects::EffectSet& effects, const wheel::Rolling& rim, recording::Run& run) {
   namespace ch = recording::channel;
-  if (!effects.measures()) return;
+  if (!effects.measures() && !effects.has_bed()) return;
   const auto values = [&run](const char* name) -> std::vector<double>& {
     for (recording::Channel& c : run.channels)
       if (c.name == name) return c.values;
@@ -40,6 +40,7 @@ void apply_instruments(const effects::EffectSet& effects, const wheel::Rolling& 
     s.context.width = rim.width;
     s.context.sinkage = sinkage[i];
     s.context.wheel_angle = angle[i];
+    sinkage[i] -= effects.bed_height(position[i]);  // the rail is the datum, not the bed
     effects::Reading r{pull[i], torque[i], sinkage[i], load[i]};
     effects.measure(s, r, states);
     pull[i] = r.drawbar_pull;

@@ -143,6 +143,33 @@ TEST(Lines, FindsAWeakLineBesideAStrongOneAndNamesHarmonics) {
   }
 }
 
+// A strong line that wavers in frequency is broader than the resolution: what its bins hold must not become the background.
+TEST(Lines, AStrongBroadLineStaysOutOfItsOwnBackground) {
+  constexpr int kSeries = 60;
+  int found = 0;
+  for (int k = 0; k < kSeries; ++k) {
+    Random random(5000 + static_cast<std::uint64_t>(k));
+    recording::Run run;
+    recording::Channel c{"drawbar_pull", "N", {}};
+    double phase = 0.0, wander = 0.0;
+    for (std::size_t i = 0; i < 400; ++i) {
+      run.time.push_back(0.05 * static_cast<double>(i));
+      wander = 0.98 * wander + 0.1 * random.normal();  // 0.13 Hz; the bandwidth is 0.15 Hz
+      phase += kTwoPi * 0.05 * (3.0 + 0.25 * wander);
+      c.values.push_back(2.0 * std::sin(phase) + 0.5 * random.normal());
+    }
+    run.channels = {c};
+    LineOptions o;
+    o.begin = 0.0;
+    for (const SpectralLine& l : channel_spectrum(run, "drawbar_pull", o).lines)
+      if (std::abs(l.frequency - 3.0) < 0.75) {
+        ++found;
+        break;
+      }
+  }
+  EXPECT_GE(found, kSeries - 1);
+}
+
 struct Origin {
   Lock lock;
   double value;
