@@ -9,9 +9,11 @@
 #include "analysis/steady_state.h"
 #include "cli/input.h"
 #include "cli/kept_run.h"
+#include "cli/particle_tests.h"
 #include "cli/terminal.h"
 #include "recording/result_file.h"
 #include "scenario/methods.h"
+#include "scenario/particle_tests.h"
 #include "vehicle/frame_recorder.h"
 #include "vehicle/slip_sweep.h"
 
@@ -19,13 +21,19 @@ namespace terrode::cli {
 namespace {
 
 struct Arguments {
-  std::string scenario, csv, method;
+  std::string scenario, csv, soil, method;
   std::string slip;
   int frames = 0;
   KeptRunOptions kept;
 };
 
 void run_rig(const Arguments& a, Common& common) {
+  if (scenario::is_particle_tests(a.scenario)) {
+    if (!a.method.empty() || !a.slip.empty() || a.frames > 0)
+      throw InputError({a.scenario, 0, 0, "--method, --slip, --frames", "do not go with soil tests on particles", "a scenario of a wheel"});
+    return run_particle_tests(a.scenario, a.kept.output, a.csv, a.soil, a.kept.overwrite, common);
+  }
+  if (!a.soil.empty()) throw InputError({a.scenario, 0, 0, "--soil", "is for soil tests on particles", "a file with the key particle_tests"});
   scenario::Scenario s = load_input(a.scenario, common);
   if (a.frames > 0 && a.kept.output.empty()) throw InputError({{}, 0, 0, "--frames", "needs a file to be kept in", "-o OUT.h5"});
   std::string method = a.method;
@@ -144,7 +152,7 @@ void run_rig(const Arguments& a, Common& common) {
 }  // namespace
 
 void add_run(CLI::App& app, Common& common) {
-  CLI::App* command = app.add_subcommand("run", "simulate a scenario: one run of the single-wheel rig, as a time series");
+  CLI::App* command = app.add_subcommand("run", "simulate a scenario: one run of the single-wheel rig, as a time series, or soil tests on particles");
   const auto a = std::make_shared<Arguments>();
   command->add_option("SCENARIO", a->scenario, "scenario file, or a recording")->required()->type_name("");
   command->add_option("--method", a->method, "node-spring, dem, mpi (default: the scenario's first that simulates in time)")
@@ -155,7 +163,8 @@ void add_run(CLI::App& app, Common& common) {
   command->add_option("--frames", a->frames, "keep about N pictures of the run in the result file, for view and export --to vtk")
       ->check(CLI::Range(1, 100000))
       ->type_name("N");
-  command->add_option("--csv", a->csv, "write the time series to this file")->type_name("FILE.csv");
+  command->add_option("--csv", a->csv, "write the time series, or the curves of soil tests, to this file")->type_name("FILE.csv");
+  command->add_option("--soil", a->soil, "write the soil fitted to soil tests on particles to this file")->type_name("FILE.yaml");
   add_common(*command, common, false);
   common.words["run --method"] = {"node-spring", "dem", "mpi"};
   command->callback([a, &common] { run_rig(*a, common); });

@@ -3,19 +3,23 @@
 #include <memory>
 
 #include "cli/terminal.h"
+#include "scenario/particle_tests.h"
 #include "scenario/scenario.h"
 
 namespace terrode::cli {
 
 void add_schema(CLI::App& app, Common& common) {
-  CLI::App* command = app.add_subcommand("schema", "print the JSON Schema of a scenario or recording, for editors");
+  CLI::App* command = app.add_subcommand("schema", "print the JSON Schema of a scenario, a recording or soil tests on particles, for editors");
   const auto what = std::make_shared<std::string>("scenario");
-  const std::vector<std::string> kinds = {"scenario", "recording"};
+  const std::vector<std::string> kinds = {"scenario", "recording", "particle_tests"};
   command->add_option("KIND", *what, "what to describe (default: scenario)")->check(CLI::IsMember(kinds))->type_name("");
   common.words["schema KIND"] = kinds;
   add_common(*command, common, false);
   command->callback([what] {
-    std::fputs((*what == "recording" ? scenario::recording_schema() : scenario::scenario_schema()).c_str(), stdout);
+    const std::string schema = *what == "recording"        ? scenario::recording_schema()
+                               : *what == "particle_tests" ? scenario::particle_tests_schema()
+                                                           : scenario::scenario_schema();
+    std::fputs(schema.c_str(), stdout);
   });
 }
 

@@ -8,6 +8,7 @@
 #include "analysis/quality.h"
 #include "cli/terminal.h"
 #include "scenario/methods.h"
+#include "scenario/particle_tests.h"
 #include "scenario/recording_file.h"
 #include "scenario/scenario.h"
 
@@ -36,6 +37,8 @@ void validate(const std::vector<std::string>& files, Common& common) {
         problems = std::move(check.problems);
         notes = std::move(check.recording.remarks);
         warnings = sample_warnings(check.recording);
+      } else if (scenario::is_particle_tests(file)) {
+        scenario::load_particle_tests(file);
       } else {
         const scenario::Scenario s = scenario::load_scenario(file);
         notes = s.notes;

@@ -347,6 +347,7 @@ Bed prepare_bed(const BedRecipe& recipe, int threads, const Progress& progress, 
   bed.height = recipe.height;
   bed.grain_density = recipe.grain_density;
   bed.grain = recipe.grain;
+  bed.walls = recipe.walls;
   bed.coordination = sim.coordination();
   bed.recipe = recipe.text();
   for (const int id : sim.ids()) {
@@ -383,6 +384,8 @@ void save_bed(const Bed& bed, const std::string& path) {
     file.set_attribute("/", "generator", std::string("terrode ") + version());
     file.create_group("/h5md");
     file.set_attribute("/h5md", "version", std::vector<double>{1, 1});
+    file.create_group("/h5md/author");
+    file.set_attribute("/h5md/author", "name", "unknown");
     file.create_group("/h5md/creator");
     file.set_attribute("/h5md/creator", "name", "terrode");
     file.set_attribute("/h5md/creator", "version", version());
@@ -393,12 +396,17 @@ void save_bed(const Bed& bed, const std::string& path) {
     }
     file.create_group("/particles/soil/box");
     file.set_attribute("/particles/soil/box", "dimension", 3);
-    file.set_attribute("/particles/soil/box", "boundary", "periodic,periodic,none");
+    file.set_attribute("/particles/soil/box", "boundary",
+                       bed.walls ? "none,none,none" : "periodic,periodic,none");
     file.write("/particles/soil/box/edges", std::vector<double>{bed.width, bed.length, bed.height});
     file.write_grid("/particles/soil/position", position, {bed.grains.size(), 3});
     file.set_attribute("/particles/soil/position", "unit", "m");
     file.write("/particles/soil/radius", radius);
     file.set_attribute("/particles/soil/radius", "unit", "m");
+    std::vector<double> mass;
+    for (const double r : radius) mass.push_back(bed.grain_density * sphere_volume(r));
+    file.write("/particles/soil/mass", mass);
+    file.set_attribute("/particles/soil/mass", "unit", "kg");
     file.create_group("/parameters");
     file.set_attribute("/parameters", "grain_density", bed.grain_density);
     file.set_attribute("/parameters", "bulk_density", bed.bulk_density);
@@ -406,6 +414,7 @@ void save_bed(const Bed& bed, const std::string& path) {
     file.set_attribute("/parameters", "coordination", bed.coordination);
     file.set_attribute("/parameters", "young_modulus", bed.grain.young_modulus);
     file.set_attribute("/parameters", "poisson_ratio", bed.grain.poisson_ratio);
+    file.set_attribute("/parameters", "walls", bed.walls ? 1 : 0);
     file.set_attribute("/parameters", "recipe", bed.recipe);
   });
 }
@@ -434,6 +443,7 @@ Bed load_bed(const std::string& path) {
   bed.coordination = number("coordination");
   bed.grain.young_modulus = number("young_modulus");
   bed.grain.poisson_ratio = number("poisson_ratio");
+  bed.walls = file.number_attribute("/parameters", "walls").value_or(0.0) != 0.0;
   bed.recipe = file.text_attribute("/parameters", "recipe").value_or("");
   for (std::size_t k = 0; k < radius.size(); ++k)
     bed.grains.push_back({radius[k], Vec3(position[3 * k], position[3 * k + 1], position[3 * k + 2])});

@@ -61,6 +61,7 @@ struct Bed {
   double bulk_density = 0.0;                       // kg/m3, of all grains over width length height
   double solid_fraction = 0.0;                     // -
   double coordination = 0.0;                       // contacts a grain when it had settled
+  bool walls = false;                              // stands between walls; false: its sides are periodic
   Material grain;
   std::vector<Grain> grains;
   std::string recipe;  // text of the recipe, for provenance
@@ -80,7 +81,7 @@ Bed prepare_bed(const BedRecipe& recipe, int threads = 1, const Progress& progre
 // The bed repeated nx times along x and ny times along y.
 Bed tile(const Bed& bed, int nx, int ny);
 
-// HDF5 in the layout of H5MD 1.1 (de Buyl et al. 2014): /particles/soil with position, radius, box.
+// HDF5 in the layout of H5MD 1.1 (de Buyl et al. 2014): /particles/soil with position, radius, mass, box.
 void save_bed(const Bed& bed, const std::string& path);
 Bed load_bed(const std::string& path);
 

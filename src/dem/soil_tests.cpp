@@ -42,6 +42,8 @@ Problems DirectShearSettings::validate() const {
   positive(problems, "rate", rate, "m/s");
   positive(problems, "travel", travel, "m");
   positive(problems, "samples", samples, "-");
+  require(problems, "lid_mass", lid_mass, "kg", lid_mass >= 0.0, "0 or more");
+  require(problems, "lid_damping", lid_damping, "-", lid_damping >= 0.0, "0 or more");
   require(problems, "seating", seating, "s", seating >= 0.0, "0 or more");
   if (!(travel < 0.5 * soil.width)) problems.push_back({{}, 0, 0, "travel", "is half the box or more", "less"});
   return problems;
@@ -93,7 +95,8 @@ recording::DirectShearTest direct_shear(const DirectShearSettings& in, const Pro
   lid_body.name = "lid";
   lid_body.position = Vec3(0.5 * w, 0.5 * l, top + r);
   lid_body.free_translation = {false, false, true};
-  lid_body.mass = in.normal_stress * w * l / recipe.gravity;
+  const double normal_force = in.normal_stress * w * l;
+  lid_body.mass = in.lid_mass > 0.0 ? in.lid_mass : normal_force / recipe.gravity;
   const int lid = sim.add_body(lid_body);
   std::vector<Member> members;
   const int nx = std::max(2, static_cast<int>(std::ceil((w - 2 * r) / (1.5 * r)))) + 1;
@@ -106,13 +109,28 @@ recording::DirectShearTest direct_shear(const DirectShearSettings& in, const Pro
                          r});
   sim.add_members(lid, members, m.soil);
 
+  // What presses the lid beside its weight, set anew every few steps: the lid's motion is slow against them. While it
+  // seats itself a dashpot brings it to rest within a few hundredths of a second.
+  constexpr double seating_time = 5e-3;  // s, mass over dashpot
+  constexpr std::int64_t stride = 10;
+  bool seated = false;
+  const auto press = [&] {
+    Body& b = sim.body(lid);
+    double drag = in.lid_damping * normal_force / in.rate;
+    if (!seated) drag = std::max(drag, normal_force / recipe.gravity / seating_time);
+    const double interval = static_cast<double>(stride) * sim.time_step();
+    if (interval > 0.0) drag = std::min(drag, 0.5 * lid_body.mass / interval);  // stable although taken explicitly
+    b.applied_force.z() = lid_body.mass * recipe.gravity - normal_force - drag * b.velocity.z();
+  };
+  press();
   sim.run(1);
   const double dt = sim.time_step();
   const auto run_for = [&](double duration, const char* what, double from, double to) {
     const auto steps = std::max<std::int64_t>(1, std::llround(duration / dt));
-    for (std::int64_t k = 0; k < steps; k += 2000) {
+    for (std::int64_t k = 0; k < steps; k += stride) {
       stop_if_asked(progress, "direct shear test");
-      sim.run(std::min<std::int64_t>(2000, steps - k));
+      press();
+      sim.run(std::min<std::int64_t>(stride, steps - k));
       progress.report(from + (to - from) * static_cast<double>(k) / static_cast<double>(steps), what);
     }
   };
@@ -120,6 +138,7 @@ recording::DirectShearTest direct_shear(const DirectShearSettings& in, const Pro
   sim.set_viscous(0.0);
   run_for(0.2 * in.seating, "direct shear: seating the lid", 0.05, 0.06);
 
+  seated = true;
   recording::DirectShearTest test;
   test.normal_stress = in.normal_stress;
   test.rate = in.rate;
@@ -137,6 +156,7 @@ recording::DirectShearTest direct_shear(const DirectShearSettings& in, const Pro
     std::int64_t count = 0;
     while (done < until) {
       const std::int64_t n = std::min<std::int64_t>(10, until - done);
+      press();
       sim.run(n);
       done += n;
       sum -= sim.body(upper).force.x() + sim.body(lid).force.x();

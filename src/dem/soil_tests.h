@@ -22,6 +22,10 @@ struct DirectShearSettings {
   double travel = 6.6e-3;         // m
   double time_step = 0.0;         // s; 0: the suggested one
   double seating = 0.1;           // s for the lid to come to rest
+  // A dead weight on soft grains bounces for long. A light lid pressed by a force with a dashpot does not, and loads the
+  // soil alike once it moves slowly: mass of the lid [kg], 0: the dead weight of normal_stress; and the dashpot's share of
+  // the normal force where the lid moves at `rate` [-] (soil that dilates lifts it at a tenth of the rate or so).
+  double lid_mass = 0.0, lid_damping = 0.05;
   double samples = 66;            // along the travel; each is the mean since the one before
   int threads = 1;
   std::string cache;  // folder of beds; empty: default_cache_folder()

@@ -329,4 +329,27 @@ TEST_F(Program, ReportAndFigureAreWritten) {
   EXPECT_TRUE(fs::exists(file("f_torque.svg")));
 }
 
+TEST_F(Program, RunsSoilTestsOnParticlesAndGoesOnWithThem) {
+  ::setenv("TERRODE_CACHE", file("cache").c_str(), 1);
+  const fs::path tests = write("tests.yaml", R"(particle_tests:
+  time_step: 10 us
+  grains: {smallest: 5 mm, largest: 7 mm}
+  direct_shear: {width: 40 mm, length: 40 mm, height: 20 mm, normal_stress: [2 kPa, 8 kPa], rate: 100 mm/s, travel: 2 mm, seating: 10 ms, samples: 10}
+)");
+  const std::vector<std::string> command = {"run", tests.string(), "-o", file("out.h5").string(), "--csv", file("out.csv").string(),
+                                            "--soil", file("soil.yaml").string(), "--json", "--quiet"};
+  const Outcome first = run(command);
+  ASSERT_EQ(first.status, 0) << first.err;
+  const json document = json::parse(first.out);
+  EXPECT_EQ(document["curves"].size(), 2u);
+  EXPECT_EQ(document["curves"][1]["normal_stress"], 8000.0);
+  EXPECT_GT(document["fit"]["friction_angle"]["value"].get<double>(), 0.0);
+  EXPECT_THAT(content(file("soil.yaml")), HasSubstr("friction_angle"));
+  EXPECT_THAT(content(file("out.csv")), HasSubstr("direct_shear,8000,0.1,mean,"));
+  const Outcome again = run(command);
+  EXPECT_EQ(json::parse(again.out)["curves"], document["curves"]);
+  EXPECT_EQ(json::parse(again.out)["cpu_seconds"], document["cpu_seconds"]);  // nothing was run a second time
+  EXPECT_EQ(run({"run", tests.string(), "--slip", "0.2"}).status, 2);
+}
+
 }  // namespace

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <filesystem>
 
+#include "recording/hdf5_file.h"
+
 namespace terrode::dem {
 namespace {
 
@@ -66,6 +68,17 @@ TEST(Bed, PreparedTiledSavedCached) {
   ASSERT_EQ(again.grains.size(), bed.grains.size());
   for (std::size_t k = 0; k < bed.grains.size(); ++k) EXPECT_EQ(again.grains[k].position, bed.grains[k].position);
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder), std::filesystem::directory_iterator()), 1);
+
+  // What H5MD 1.1 asks of a file.
+  const auto path = std::filesystem::directory_iterator(folder)->path().string();
+  const auto file = recording::Hdf5File::open(path);
+  EXPECT_EQ(file.numbers_attribute("/h5md", "version"), (std::vector<double>{1, 1}));
+  for (const char* group : {"/h5md/author", "/h5md/creator"}) EXPECT_TRUE(file.text_attribute(group, "name")) << group;
+  EXPECT_EQ(file.number_attribute("/particles/soil/box", "dimension"), 3.0);
+  EXPECT_EQ(file.attributes("/particles/soil/box"), (std::vector<std::string>{"boundary", "dimension"}));
+  EXPECT_EQ(file.read<double>("/particles/soil/box/edges").values.size(), 3u);
+  EXPECT_EQ(file.shape("/particles/soil/position"), (std::vector<std::size_t>{bed.grains.size(), 3}));
+  EXPECT_EQ(file.shape("/particles/soil/mass"), (std::vector<std::size_t>{bed.grains.size()}));
 
   const Bed tiled = tile(bed, 2, 3);
   EXPECT_EQ(tiled.grains.size(), 6 * bed.grains.size());

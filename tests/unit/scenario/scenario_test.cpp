@@ -1,3 +1,4 @@
+#include "scenario/particle_tests.h"
 #include "scenario/scenario.h"
 #include "scenario/vehicle_file.h"
 
@@ -154,6 +155,8 @@ TEST(Scenarios, ThoseOfTheRepositoryAreRead) {
     const std::string text((std::istreambuf_iterator<char>(file)), {});
     if (text.find("\nvehicle:") != std::string::npos) {
       EXPECT_NO_THROW(load_drive(entry.path().string())) << entry.path();
+    } else if (is_particle_tests(entry.path().string())) {
+      EXPECT_NO_THROW(load_particle_tests(entry.path().string())) << entry.path();
     } else {
       EXPECT_NO_THROW(load_scenario(entry.path().string())) << entry.path();
     }
