@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <functional>
@@ -12,6 +13,7 @@
 #include "cli/sweep_result.h"
 #include "cli/terminal.h"
 #include "core/parallel.h"
+#include "scenario/dem_file.h"
 #include "scenario/methods.h"
 #include "scenario/scenario.h"
 #include "vehicle/slip_sweep.h"
@@ -21,23 +23,55 @@ namespace {
 
 using scenario::Scenario;
 
-// What can be refined: how a scenario takes it, and where the study begins, as a multiple of the scenario's own value.
+// What can be refined: by which methods, how a scenario takes it, and where the study begins, as a multiple of the
+// scenario's own value.
 struct Choice {
   std::string name, unit;
+  std::vector<std::string> methods;
   double start, factor;  // coarsest over own; from level to level
   std::function<double(const Scenario&)> get;
   std::function<void(Scenario&, double)> set;
 };
 
+double window(const Scenario& s) {
+  const dem::DemWindow w = scenario::particle_window(s);
+  return w.ahead + w.behind;
+}
+
 const std::vector<Choice>& choices() {
+  static const std::vector<std::string> nodes = {"node-spring"}, grains = {"dem", "mpi"};
   static const std::vector<Choice> list = {
-      {"time_step", "s", 2.0, 0.5, [](const Scenario& s) { return s.rig.time_step; },
+      {"time_step", "s", nodes, 2.0, 0.5, [](const Scenario& s) { return s.rig.time_step; },
        [](Scenario& s, double v) { s.rig.time_step = v; }},
-      {"node_spacing", "m", 4.0, 0.5, [](const Scenario& s) { return s.terrain.node_spacing; },
+      {"node_spacing", "m", nodes, 4.0, 0.5, [](const Scenario& s) { return s.terrain.node_spacing; },
        [](Scenario& s, double v) { s.terrain.node_spacing = v; }},
       // The ground has no edges; what stands for its size is the length that the wheel travels on it.
-      {"domain", "m", 0.5, 1.4142135623730951, [](const Scenario& s) { return s.rig.travel; },
+      {"domain", "m", nodes, 0.5, 1.4142135623730951, [](const Scenario& s) { return s.rig.travel; },
        [](Scenario& s, double v) { s.rig.travel = v; }},
+      // The particles' own step; the rig's stays.
+      {"time_step", "of the Rayleigh time", grains, 1.0, 0.5, [](const Scenario& s) { return s.particles.time_step_fraction; },
+       [](Scenario& s, double v) {
+         s.particles.time_step.reset();
+         s.particles.time_step_fraction = v;
+       }},
+      // The rig's step; the particles' stays, so that this is how often the two exchange force and motion.
+      {"coupling", "s", grains, 4.0, 0.5, [](const Scenario& s) { return s.rig.time_step; },
+       [](Scenario& s, double v) { s.rig.time_step = v; }},
+      // The length of soil that moves, its parts ahead of and behind the axle in the scenario's proportion.
+      {"domain", "m", {"dem"}, 0.5, 1.4142135623730951, window,
+       [](Scenario& s, double v) {
+         const dem::DemWindow w = scenario::particle_window(s);
+         s.particles.window_ahead = w.ahead * v / (w.ahead + w.behind);
+         s.particles.window_behind = w.behind * v / (w.ahead + w.behind);
+       }},
+      // The largest diameter, the others in proportion; bed and window stay.
+      {"particles", "m", grains, 1.4142135623730951, 0.7071067811865476,
+       [](const Scenario& s) { return scenario::particle_sizes(s).largest; },
+       [](Scenario& s, double v) {
+         const dem::SizeDistribution d = scenario::particle_sizes(s);
+         s.particles.smallest = d.smallest * v / d.largest;
+         s.particles.largest = v;
+       }},
   };
   return list;
 }
@@ -52,10 +86,11 @@ struct Arguments {
 struct Quantity {
   const char *name, *unit;
   double SweepPoint::*value;
+  double SweepPoint::*sem;
 };
-constexpr Quantity kQuantities[] = {{"drawbar_pull", "N", &SweepPoint::drawbar_pull},
-                                    {"driving_torque", "N m", &SweepPoint::driving_torque},
-                                    {"sinkage", "m", &SweepPoint::sinkage}};
+constexpr Quantity kQuantities[] = {{"drawbar_pull", "N", &SweepPoint::drawbar_pull, &SweepPoint::drawbar_pull_sem},
+                                    {"driving_torque", "N m", &SweepPoint::driving_torque, &SweepPoint::driving_torque_sem},
+                                    {"sinkage", "m", &SweepPoint::sinkage, &SweepPoint::sinkage_sem}};
 
 // The order p of f(h) = f0 + c h^p from three levels whose steps shrink by `factor`, and f0; nothing where the three do
 // not approach a limit in one way.
@@ -69,14 +104,42 @@ Limit limit_of(double a, double b, double c, double factor) {
   return {order, c + second / (first / second - 1)};
 }
 
+// The scenario's own value against the last level: they agree where they differ by no more than two standard errors of
+// the difference (a chance of one in twenty for equal means).
+std::string scatter_verdict(const Choice& choice, const Quantity& q, const std::vector<double>& values,
+                            const std::vector<SweepPoint>& points, double own, double scale, Json& converged) {
+  std::size_t mine = 0;
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (std::abs(values[i] - own) < std::abs(values[mine] - own)) mine = i;
+  if (mine + 1 == values.size() || points[mine].failed() || points.back().failed()) {
+    converged[q.name] = nullptr;
+    return fmt::format("{}: no verdict: {}\n", q.name,
+                       mine + 1 == values.size() ? "no level beyond the scenario's own" : "a level failed");
+  }
+  const SweepPoint &a = points[mine], &b = points.back();
+  const double difference = a.*q.value - b.*q.value, error = std::hypot(a.*q.sem, b.*q.sem);
+  const bool same = std::abs(difference) <= 2.0 * error;
+  converged[q.name] = {{"value", values[mine]}, {"against", values.back()}, {"difference", number(difference)},
+                       {"standard_error", number(error)}, {"relative_error", number(error / scale)}, {"within_scatter", same}};
+  return fmt::format("{}: at {} = {:.4g} {} it differs from that at {:.4g} by {:+.3g} {}, standard error {:.2g} ({:.2g} % of {:.4g}): {}\n",
+                     q.name, choice.name, values[mine], choice.unit, values.back(), difference, q.unit, error,
+                     100.0 * error / scale, scale, same ? "no change beyond scatter" : "CHANGES beyond scatter");
+}
+
 void converge(const Arguments& arguments, Common& common) {
   Scenario base = scenario::load_scenario(arguments.scenario);
   const Choice* choice = nullptr;
-  for (const Choice& c : choices())
+  std::string possible;
+  for (const Choice& c : choices()) {
+    if (std::find(c.methods.begin(), c.methods.end(), arguments.method) == c.methods.end()) continue;
     if (c.name == arguments.over) choice = &c;
+    possible += (possible.empty() ? "" : ", ") + c.name;
+  }
   if (!choice)
     throw InputError(Problem{{}, 0, 0, "--over", fmt::format("{} cannot be refined for method {}", arguments.over, arguments.method),
-                             "time_step, node_spacing or domain"});
+                             possible.empty() ? "another method: steady has no such choice" : possible});
+  if (choice->name == "domain" && arguments.method == "dem" && base.particles.bed == "full")
+    throw InputError(Problem{base.file, 0, 0, "particles.bed", "is full, which has no window", "moving"});
   const auto at = base.operating_points({arguments.slip.value_or(base.rig.slip)}).front();
 
   std::vector<double> values;
@@ -92,6 +155,7 @@ void converge(const Arguments& arguments, Common& common) {
     choice->set(scenarios[i], values[i]);
     scenario::MethodSettings settings;
     settings.seed = common.seed;
+    settings.progress = show_progress(common);
     methods.push_back(scenario::make_method(arguments.method, scenarios[i], settings));
     methods.back().name = fmt::format("{} {}", arguments.method, values[i]);
   }
@@ -104,7 +168,9 @@ void converge(const Arguments& arguments, Common& common) {
   for (std::size_t i = 0; i < values.size(); ++i)
     points.push_back(summarise(found[values.size() - 1 - i], at, scenario::averaging_period(arguments.method, scenarios[i], at)));
 
-  const bool refines = choice->factor < 1;
+  // Where a result scatters, levels are compared by their standard errors instead of by an order.
+  const bool scatters = arguments.method == "dem" || arguments.method == "mpi";
+  const bool refines = choice->factor < 1 && !scatters;
   const auto last = points.size() - 1;
   Json document = {{"scenario", base.file}, {"over", choice->name}, {"unit", choice->unit}, {"method", arguments.method},
                    {"slip", at.slip_given}, {"slip_convention", base.rig.slip_convention}, {"tolerance", arguments.tolerance}};
@@ -114,7 +180,10 @@ void converge(const Arguments& arguments, Common& common) {
     Json level = {{choice->name, values[i]}};
     if (p.failed()) level["error"] = p.error;
     else
-      for (const Quantity& q : kQuantities) level[q.name] = number(p.*q.value);
+      for (const Quantity& q : kQuantities) {
+        level[q.name] = number(p.*q.value);
+        if (scatters) level[std::string(q.name) + "_sem"] = number(p.*q.sem);
+      }
     level["cpu_seconds"] = number(p.cpu_seconds);
     level["simulated_seconds"] = number(p.simulated_seconds);
     if (!p.failed()) level["steady"] = p.steady;
@@ -123,12 +192,18 @@ void converge(const Arguments& arguments, Common& common) {
   document["levels"] = levels;
 
   std::vector<std::vector<std::string>> rows = {{fmt::format("{} [{}]", choice->name, choice->unit)}};
-  for (const Quantity& q : kQuantities) rows[0].push_back(fmt::format("{} [{}]", q.name, q.unit));
+  for (const Quantity& q : kQuantities) {
+    rows[0].push_back(fmt::format("{} [{}]", q.name, q.unit));
+    if (scatters) rows[0].push_back("+-");
+  }
   rows[0].push_back("CPU s per simulated s");
   for (std::size_t i = 0; i < points.size(); ++i) {
     const SweepPoint& p = points[i];
     std::vector<std::string> row = {fmt::format("{:.4g}", values[i])};
-    for (const Quantity& q : kQuantities) row.push_back(p.failed() ? "failed" : fmt::format("{:.5g}", p.*q.value));
+    for (const Quantity& q : kQuantities) {
+      row.push_back(p.failed() ? "failed" : fmt::format("{:.5g}", p.*q.value));
+      if (scatters) row.push_back(p.failed() ? "-" : fmt::format("{:.2g}", p.*q.sem));
+    }
     row.push_back(p.simulated_seconds > 0 ? fmt::format("{:.3g}", p.cpu_seconds / p.simulated_seconds) : "-");
     rows.push_back(row);
   }
@@ -142,6 +217,10 @@ void converge(const Arguments& arguments, Common& common) {
     double scale = std::abs(best);
     if (std::string(q.name) == "drawbar_pull") scale = at.normal_load;
     if (std::string(q.name) == "driving_torque") scale = at.normal_load * base.wheel.radius;
+    if (scatters) {
+      verdict += scatter_verdict(*choice, q, values, points, choice->get(base), scale, converged);
+      continue;
+    }
     std::optional<double> from;
     for (std::size_t i = points.size(); i-- > 0;) {
       if (points[i].failed() || !(std::abs(points[i].*q.value - best) <= arguments.tolerance * scale)) break;

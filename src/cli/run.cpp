@@ -97,6 +97,10 @@ void run_rig(const Arguments& a, Common& common) {
       return c;
     });
   };
+  settings.progress = show_progress(common);
+  settings.observe_touchdown = [&](vehicle::Rig& rig) {
+    kept.sample(read_until_now, [&] { return rig.checkpoint(); });
+  };
   const vehicle::SweepMethod ready = scenario::make_method(method, s, settings);
 
   vehicle::PointResult result;

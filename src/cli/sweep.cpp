@@ -6,13 +6,16 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 
+#include "cli/checkpoints.h"
 #include "cli/input.h"
 #include "cli/sweep_report.h"
 #include "cli/sweep_result.h"
 #include "cli/terminal.h"
 #include "recording/checkpoint.h"
+#include "core/parallel.h"
 #include "report/svg.h"
 #include "scenario/methods.h"
 
@@ -28,20 +31,8 @@ struct Arguments {
   std::string scenario, output, csv, slips, figure;
   std::vector<std::string> methods;
   bool overwrite = false;
-  double seconds = 3.0;  // of wall time between two writes of the result file
+  std::optional<double> seconds;  // of wall time between two writes of the result file, and of an unfinished point
 };
-
-// What decides whether points of two sweeps belong into one file: everything but which points and methods were asked for.
-std::string physics_of(scenario::Scenario s, std::uint64_t seed) {
-  s.title.clear();
-  s.methods.clear();
-  s.slips.clear();
-  s.conditions.clear();
-  s.measured.reset();
-  s.rig.slip = 0.0;
-  s.seed = static_cast<int>(seed);
-  return scenario::to_yaml(s);
-}
 
 // The result file of a sweep: known points when it was begun before, written anew in one step each time some are added.
 class SweepFile {
@@ -174,8 +165,18 @@ void sweep(const Arguments& arguments, Common& common) {
       arguments.slips.empty() ? s.operating_points() : s.operating_points(scenario::parse_slips(arguments.slips));
   scenario::MethodSettings settings;
   settings.seed = common.seed_option && common.seed_option->count() > 0 ? common.seed : static_cast<std::uint64_t>(s.seed);
+  // Threads that the points leave over serve the grains of each.
+  settings.threads = std::max(1, thread_count(common.threads) / static_cast<int>(points.size() * names.size()));
+  settings.progress = show_progress(common);
   std::vector<vehicle::SweepMethod> methods;
-  for (const std::string& name : names) methods.push_back(scenario::make_method(name, s, settings));
+  std::vector<Checkpoints> kept;
+  for (const std::string& name : names) {
+    if (!arguments.output.empty()) {
+      kept.emplace_back(arguments.output, name, physics_of(s, settings.seed), arguments.seconds.value_or(30.0));
+      settings.memory = kept.back().memory();
+    }
+    methods.push_back(scenario::make_method(name, s, settings));
+  }
 
   std::unique_ptr<SweepFile> file;
   if (!arguments.output.empty()) {
@@ -187,7 +188,7 @@ void sweep(const Arguments& arguments, Common& common) {
     header.slip_convention = s.rig.slip_convention;
     header.command = common.command_line;
     header.seed = static_cast<std::int64_t>(settings.seed);
-    file = std::make_unique<SweepFile>(arguments.output, std::move(header), arguments.overwrite, arguments.seconds, common);
+    file = std::make_unique<SweepFile>(arguments.output, std::move(header), arguments.overwrite, arguments.seconds.value_or(3.0), common);
     for (const std::string& m : names)
       for (const OperatingPoint& p : points) file->row(m, p);
     // A file that cannot be written is known before the work, not after it.
@@ -237,10 +238,13 @@ void sweep(const Arguments& arguments, Common& common) {
     progress = {};
     if (!file) throw Interrupted("Nothing was kept: name a file with -o to go on later.");
     file->save(true);
-    throw Interrupted(fmt::format("What was computed is in {}; the same command goes on from there.", arguments.output));
+    throw Interrupted(fmt::format("What was computed is in {0} (unfinished runs: {0}.unfinished); the same command goes on from there.", arguments.output));
   }
   progress = {};
   if (file) file->save(true);
+  int resumed = 0;
+  for (const Checkpoints& k : kept) resumed += k.resumed();
+  if (resumed > 0) note(common, fmt::format("{} unfinished runs were gone on with", resumed));
   if (!there.empty()) note(common, fmt::format("{} points were in {} already", there.size(), arguments.output));
   if (!arguments.csv.empty()) write_text_atomically(arguments.csv, sweep_csv(results));
   const std::vector<SweepPoint> measured = measured_points(s);
@@ -271,7 +275,7 @@ void add_sweep(CLI::App& app, Common& common) {
       ->type_name("OUT.h5");
   command->add_option("--csv", a->csv, "write the table to this file")->type_name("FILE.csv");
   command->add_option("--figure", a->figure, "draw drawbar pull to this file, torque and sinkage beside it")->type_name("FILE.svg");
-  command->add_option("--checkpoint", a->seconds, "write the result file anew every so many seconds (default: 3)")
+  command->add_option("--checkpoint", a->seconds, "write the result file (default: every 3 s) and unfinished points (30 s) anew every so many seconds")
       ->check(CLI::Range(0.0, 1e9))
       ->type_name("SECONDS");
   command->add_flag("--overwrite", a->overwrite, "replace a result file of another scenario");

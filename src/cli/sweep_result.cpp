@@ -106,6 +106,17 @@ SweepPoint summarise(const vehicle::SweepPoint& point, const scenario::Operating
   return out;
 }
 
+std::string physics_of(scenario::Scenario s, std::uint64_t seed) {
+  s.title.clear();
+  s.methods.clear();
+  s.slips.clear();
+  s.conditions.clear();
+  s.measured.reset();
+  s.rig.slip = 0.0;
+  s.seed = static_cast<int>(seed);
+  return scenario::to_yaml(s);
+}
+
 recording::ResultTable to_table(const std::vector<SweepPoint>& points) {
   recording::ResultTable out;
   const auto column = [&](const std::string& name, auto value) {

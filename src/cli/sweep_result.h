@@ -50,6 +50,10 @@ bool same_point(const scenario::OperatingPoint& a, const scenario::OperatingPoin
 // A point as the engine gives it, a time series averaged over its steady part (whole periods where there are any).
 SweepPoint summarise(const vehicle::SweepPoint& point, const scenario::OperatingPoint& at, std::optional<double> period);
 
+// What decides whether two pieces of work belong together: everything of a scenario but which points and methods are
+// asked for.
+std::string physics_of(scenario::Scenario s, std::uint64_t seed);
+
 // The points of a method as columns and back.
 recording::ResultTable to_table(const std::vector<SweepPoint>& points);
 std::vector<SweepPoint> from_table(const recording::ResultTable& table);

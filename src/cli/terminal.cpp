@@ -50,8 +50,13 @@ class Meter {
     if (since < (terminal_ ? 0.1 : 5.0)) return;
     shown_ = now;
     fraction = std::clamp(fraction, 0.0, 1.0);
-    const double elapsed = std::chrono::duration<double>(now - start_).count();
-    const std::string left = fraction > 1e-6 && fraction < 1 ? duration(elapsed * (1 - fraction) / fraction) + " left" : "";
+    // Work that was begun in an earlier run, and what comes before the work proper, do not count as its pace.
+    if (first_ < 0 && fraction > 1e-6) {
+      first_ = fraction;
+      start_ = now;
+    }
+    const double elapsed = std::chrono::duration<double>(now - start_).count(), done = fraction - first_;
+    const std::string left = first_ >= 0 && done > 1e-6 && fraction < 1 ? duration(elapsed * (1 - fraction) / done) + " left" : "";
     if (terminal_) {
       const auto full = static_cast<std::size_t>(std::lround(fraction * 24));
       std::fprintf(stderr, "\r\033[K[%s%s] %3.0f %%  %s  %s", std::string(full, '#').c_str(), std::string(24 - full, '.').c_str(),
@@ -68,6 +73,7 @@ class Meter {
   std::mutex mutex_;
   bool terminal_, drawn_ = false;
   Clock::time_point start_, shown_;
+  double first_ = -1;  // fraction at which the measured work began
 };
 
 bool numeric(const std::string& cell) { return cell.empty() || cell == "-" || parse_number(cell.substr(0, cell.find(' '))).has_value(); }

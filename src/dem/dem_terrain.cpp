@@ -1,5 +1,7 @@
 #include "dem/dem_terrain.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -23,6 +25,13 @@ Problems DemTerrainParams::validate() const {
   require(problems, "shell_spacing", shell_spacing, "-", shell_spacing > 0.0 && shell_spacing <= 1.5,
           "above 0, at most 1.5");
   positive("gravity", gravity, "m/s2");
+  require(problems, "full_length", full_length, "m", full_length >= 0.0, "0 (none) or more");
+  if (full_length > 0.0) {
+    require(problems, "full_behind", full_behind, "m", full_behind > 0.0 && full_behind < full_length,
+            "above 0, below the bed's length");
+    require(problems, "border", border, "m", border >= 0.0 && 2.0 * border < full_length && 2.0 * border < prism.length * tiles_y,
+            "0 or more, below half the bed");
+  }
   require(problems, "time_step", time_step, "s", time_step >= 0.0, "0 (suggested) or more");
   for (const Problems& more : {soil.validate(), wheel.validate(), floor.validate()})
     problems.insert(problems.end(), more.begin(), more.end());
@@ -157,8 +166,38 @@ void DemTerrain::end_step() {
   in_step_ = false;
 }
 
+// Lays all of a full bed and fixes its border; later, says where a body has left it.
+void DemTerrain::lay_full() {
+  const double tile_length = params_.prism.width, from = -params_.full_behind, to = from + params_.full_length;
+  for (const Touching& b : bodies_) {
+    if (!b.announced || !laid_) continue;
+    const double x = b.pose.p_W.x();
+    if (x < from + params_.border || x > to - params_.border)
+      throw RunError(fmt::format("the wheel is at x = {:.4g} m, beyond the full bed from {:.4g} to {:.4g} m: give it more length "
+                                 "or travel less",
+                                 x, from, to));
+  }
+  if (laid_) return;
+  const auto count = static_cast<long>(std::ceil(params_.full_length / tile_length - 1e-9));
+  const Bed strip = tile(params_.prism, 1, params_.tiles_y);
+  for (long k = 0; k < count; ++k)
+    add_bed(*simulation_, strip, soil_,
+            Vec3(from + static_cast<double>(k) * tile_length, -0.5 * bed_width(), -depth_));
+  laid_ = true;
+  first_tile_ = free_from_ = 0;
+  last_tile_ = free_to_ = count - 1;
+  const double end = from + static_cast<double>(count) * tile_length, side = 0.5 * bed_width() - params_.border;
+  simulation_->set_frozen(
+      [&](const Vec3& x, double) {
+        return x.x() < from + params_.border || x.x() > end - params_.border ||
+               (params_.border > 0.0 && std::abs(x.y()) > side);
+      },
+      params_.prism.grain_density);
+}
+
 // Lays tiles and moves the window so that every announced body is inside.
 void DemTerrain::lay_window() {
+  if (params_.full_length > 0.0) return lay_full();
   double from = 0.0, to = 0.0;
   bool any = false;
   for (const Touching& b : bodies_) {
@@ -197,15 +236,10 @@ void DemTerrain::lay_window() {
 
 void DemTerrain::advance() {
   lay_window();
-  std::vector<Pose> target(bodies_.size());
-  for (std::size_t k = 0; k < bodies_.size(); ++k) {
-    Touching& b = bodies_[k];
+  for (const Touching& b : bodies_) {
     if (!b.announced) continue;
-    Body& body = simulation_->body(b.body);
-    if (body.position.z() > 1e2) {  // its first motion
-      body.position = b.pose.p_W;
-      body.orientation = b.pose.R_WB;
-    }
+    if (simulation_->body(b.body).position.z() > 1e2)  // its first motion
+      simulation_->place_body(b.body, b.pose.p_W, b.pose.R_WB);
   }
   before_ = state();
   Simulation& sim = *simulation_;
@@ -263,8 +297,9 @@ double DemTerrain::height(double x, double y) const {
     const double below = r * r - dx * dx - dy * dy;
     if (below > 0.0) top = std::max(top, p.z() + std::sqrt(below));
   });
-  return laid_ && x >= static_cast<double>(first_tile_) * params_.prism.width &&
-                 x <= static_cast<double>(last_tile_ + 1) * params_.prism.width
+  const double origin = params_.full_length > 0.0 ? -params_.full_behind : 0.0;
+  return laid_ && x >= origin + static_cast<double>(first_tile_) * params_.prism.width &&
+                 x <= origin + static_cast<double>(last_tile_ + 1) * params_.prism.width
              ? top
              : 0.0;
 }

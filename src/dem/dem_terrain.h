@@ -6,7 +6,8 @@
 //
 // The bed is laid from a settled periodic prism as the bodies reach it and is periodic along y. Only grains within a
 // window about the bodies move: those ahead of it are laid but frozen, those behind freeze where they are and thaw when
-// a body comes back. The undisturbed surface, the mean height of the topmost grains seen from above, is at z = 0.
+// a body comes back. A full bed, as in the paper, is laid at once instead, and moves as a whole but for the grains near
+// its border, which are fixed. The undisturbed surface, the mean height of the topmost grains seen from above, is at z = 0.
 #pragma once
 
 #include <memory>
@@ -23,6 +24,11 @@ enum class WheelSurface {
   spheres,  // a shell of overlapping spheres, as in the paper (section 4.2.3); wheels only
 };
 
+// The soil that moves: beyond a body's centre ahead of it, behind it [m].
+struct DemWindow {
+  double ahead = 0.16, behind = 0.12;
+};
+
 struct DemTerrainParams {
   Bed prism;          // settled, periodic along both sides
   int tiles_y = 5;    // prisms side by side: the bed's width
@@ -34,6 +40,9 @@ struct DemTerrainParams {
   double shell_spacing = 0.75;   // of their radius
   double window_ahead = 0.16;    // m beyond a body's centre that moves
   double window_behind = 0.12;   // m behind it
+  double full_length = 0.0;      // m along x of a full bed; 0: the bed follows the window
+  double full_behind = 0.2;      // m of it at x < 0
+  double border = 0.01;          // m of it all around in which grains are fixed
   double time_step = 0.0;        // s, largest step of the particles; 0: suggested from the Rayleigh time
   double gravity = 9.81;         // m/s2
   int threads = 1;
@@ -74,6 +83,7 @@ class DemTerrain final : public terrain::Terrain {
   Touching& known(terrain::BodyId body);
   void advance();
   void lay_window();
+  void lay_full();
   std::string state() const;
   void set_state(const std::string& bytes);
 

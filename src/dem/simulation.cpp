@@ -285,6 +285,15 @@ int Simulation::contacts_of_body(int body) const {
   return count;
 }
 
+void Simulation::place_body(int k, const Vec3& position, const Quat& orientation) {
+  if (k < 0 || k >= body_count()) throw InputError("a body that was not added");
+  Body& body = bodies_[std::size_t(k)];
+  body.position = position;
+  body.orientation = orientation;
+  invalidate_lists();
+  place_members(k);
+}
+
 void Simulation::set_drive(int body, std::function<void(double, Body&)> drive) {
   drives_[static_cast<std::size_t>(body)] = std::move(drive);
 }

@@ -115,6 +115,8 @@ class Simulation {
   void for_each_grain(const std::function<void(const Vec3&, double)>& visit) const;
   // Grains that touched a body in the last step.
   int contacts_of_body(int body) const;
+  // Puts a body, its surfaces and its members somewhere else at once, without the motion in between.
+  void place_body(int body, const Vec3& position, const Quat& orientation);
   // Makes every step call `drive(time, body)` before the body moves, to set velocities and applied forces.
   void set_drive(int body, std::function<void(double, Body&)> drive);
 

@@ -113,7 +113,7 @@ terrain::NodeSpringParams node_spring_params(const Scenario& s) {
 
 std::unique_ptr<terrain::Terrain> make_ground(const std::string& method, const Scenario& scenario,
                                               const effects::EffectSet& effects, const MethodSettings& settings) {
-  if (method == "dem") return particle_ground(scenario, effects, settings.threads);
+  if (method == "dem") return particle_ground(scenario, effects, settings.threads, settings.progress);
   if (method == "node-spring") {
     bekker::PointLaw law;
     law.modifiers = effects.modifiers();
@@ -138,7 +138,7 @@ vehicle::SweepMethod make_method(const std::string& name, const Scenario& scenar
   return vehicle::rig_method(
       name, rig_spec(scenario), rig_motion(scenario), std::make_shared<terrode::wheel::Wheel>(scenario.wheel_shape()),
       [name, scenario, settings, in_ground](const recording::Condition&) { return make_ground(name, scenario, *in_ground, settings); },
-      *effects, settings.observe, settings.resume);
+      *effects, {settings.observe, settings.observe_touchdown}, settings.resume, settings.memory);
 }
 
 std::optional<double> averaging_period(const std::string& method, const Scenario& scenario, const OperatingPoint& at) {

@@ -25,6 +25,9 @@ vehicle::RigMotion rig_motion(const Scenario& scenario);
 struct MethodSettings {
   std::uint64_t seed = 1;
   int threads = 1;  // that one point may use itself
+  vehicle::RunMemory memory;  // where unfinished runs are kept
+  Progress progress;  // of what is made ready once, such as a settled bed
+  std::function<void(vehicle::Rig&)> observe_touchdown;  // Rig::set_touchdown_observer
   std::function<void(vehicle::Rig&)> observe;  // sees a run at time zero and after every sample; where points run in
                                                // parallel it is called from several threads
   std::shared_ptr<const recording::Checkpoint> resume;  // of a run that was cut off: the run begins there

@@ -25,6 +25,7 @@ std::vector<Section> sections() {
       soil_section(),
       rig_section(),
       terrain_section(),
+      particles_section(),
       effects_section(),
       sweep_section(),
       measured_section(),

@@ -70,6 +70,28 @@ struct TerrainSpec {
   double damping = 0.0;               // Pa s/m
 };
 
+// Grains, bed and law of the methods dem and mpi; lengths that are absent come from the wheel (scenario/dem_file.h).
+struct ParticleSpec {
+  std::optional<double> smallest, largest;          // m, diameters
+  std::string distribution = "uniform", by = "number";
+  std::optional<double> prism, depth, width;        // m
+  std::string bed = "moving";
+  double length = 1.0, behind = 0.2, border = 0.01; // m, of a full bed
+  std::optional<double> window_ahead, window_behind;  // m
+  std::string wheel_surface = "shape";
+  double sphere_diameter = 0.01;                    // m
+  double sphere_spacing = 0.75;                     // of their radius
+  std::optional<double> time_step;                  // s
+  double time_step_fraction = 0.12;                 // of the Rayleigh time
+  double young_modulus = 7.0e7;                     // Pa
+  double poisson_ratio = 0.35;
+  double restitution = 0.4, friction = 0.86;
+  std::string tangential = "mindlin", rolling = "epsd2";
+  double rolling_friction = 1.0;
+  double rolling_rate = 0.0;                        // s2/m2
+  std::optional<double> wheel_friction, wheel_rolling_friction;
+};
+
 // One missing-physics effect that is switched on, with the parameters that are given (SI).
 struct EffectSpec {
   std::string id;
@@ -102,6 +124,7 @@ struct Scenario {
   WheelSpec wheel;
   RigSpec rig;
   TerrainSpec terrain;
+  ParticleSpec particles;
   std::vector<EffectSpec> effects;
   std::vector<double> slips;          // by the convention of the scenario
   std::vector<SweepCondition> conditions;

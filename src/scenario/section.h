@@ -24,6 +24,7 @@ Section soil_section();
 Section wheel_section();
 Section rig_section();
 Section terrain_section();
+Section particles_section();
 Section effects_section();
 Section sweep_section();
 Section measured_section();

@@ -17,6 +17,8 @@ namespace {
 
 constexpr double standstill = 1e-9;        // m/s of the rim, below which slip has no meaning
 constexpr double rim_over_carriage = 5.0;  // longest rim travel in carriage distances
+// A wheel let go on grains rests when it has moved slower than this [m/s] for this long [s], or after the longest time.
+constexpr double rest_speed = 5e-3, rest_time = 0.02, longest_rest = 0.5;
 
 // 0 to 1 with continuous acceleration.
 double smooth_step(double u) {
@@ -209,6 +211,9 @@ void Rig::advance(const char* phase) {
   last_.wheel_angle = angle0 - start_angle_;
   last_.vertical_velocity = vz0;
   last_.contact_count = c.result.contact_count;
+  carried_ = c.wrench.F_W.z();
+  contact_stiffness_ = c.result.stiffness(2, 2);
+  release_stiffness_ = c.result.release_stiffness;
 
   drive_work_ += 0.5 * h *
                  ((r.rail.effort() - applied_pull_ + r.mass() * g.x()) * (v0 + v1) +
@@ -218,21 +223,35 @@ void Rig::advance(const char* phase) {
 }
 
 void Rig::touch_down(const Progress& progress) {
-  if (down_) return;
+  if (phase_ == Phase::running) return;
   Parts& r = *parts_;
   const double h = spec_.time_step, W = spec_.normal_load;
   r.rail.set_motor({0.0});
   r.axle.set_motor({0.0});
-  start_kinetic_ = r.kinetic();
-  while (true) {
-    const double F = simulation_->contacts().front().wrench.F_W.z();
+  if (r.world.steps() == 0) start_kinetic_ = r.kinetic();
+  const bool grains = ground_->sampling() == terrain::Sampling::step_mean;
+  const auto go_on = [&] {
+    if (grains || r.world.steps() % 64 == 0) {
+      if (progress.stop_requested()) throw Interrupted("stopped during touchdown");
+      progress.report(0.0, fmt::format("touchdown: {:.3g} of {:.3g} N at {:.3g} mm", carried_, W, 1e3 * last_.sinkage));
+    }
+    advance("touchdown");
+    still_ = std::abs(r.hub.twist().v_W.z()) < rest_speed ? still_ + h : 0.0;
+    if (grains && touchdown_observer_) touchdown_observer_(*this);
+  };
+  while (phase_ == Phase::lowering) {
+    const double F = carried_;
     const double depth = last_.sinkage;
     const double missing = W - F;
-    if (F > 0.0 && std::abs(missing) <= spec_.touchdown_tolerance * W) break;
+    if (F > 0.0 && (std::abs(missing) <= spec_.touchdown_tolerance * W || (grains && missing <= 0.0))) {
+      phase_ = grains ? Phase::resting : Phase::running;
+      let_go_ = r.world.time();
+      still_ = 0.0;
+      break;
+    }
     // The secant of a law that stiffens with depth is below its tangent; the factor of 10 in the speed covers that.
-    const terrain::ContactResult& ground = simulation_->contacts().front().result;
-    double stiffness = std::max(ground.stiffness(2, 2), depth > 0.0 ? F / depth : 0.0);
-    if (missing < 0.0) stiffness = std::max(stiffness, ground.release_stiffness);
+    double stiffness = std::max(contact_stiffness_, depth > 0.0 ? F / depth : 0.0);
+    if (missing < 0.0) stiffness = std::max(stiffness, release_stiffness_);
     double speed = spec_.lowering_speed;
     if (stiffness > 0.0) speed = std::clamp(missing / (10.0 * h * stiffness), -speed, speed);
     r.lift.set_motor({-speed});
@@ -241,12 +260,16 @@ void Rig::touch_down(const Progress& progress) {
           fmt::format("touchdown: after {:.3g} s the ground carries {:.6g} of {:.6g} N at a sinkage of {:.4g} m; "
                       "the soil does not carry the load, or lowering_speed is too small",
                       r.world.time(), F, W, depth));
-    if (r.world.steps() % 64 == 0 && progress.stop_requested())
-      throw Interrupted("stopped during touchdown; nothing is kept");
-    advance("touchdown");
+    go_on();
   }
   r.lift.clear_motor();
-  down_ = true;
+  while (phase_ == Phase::resting) {
+    if (still_ >= rest_time || r.world.time() - let_go_ >= longest_rest) {
+      phase_ = Phase::running;
+      break;
+    }
+    go_on();
+  }
   steps_ = 0;
   start_time_ = r.world.time();
   start_position_ = r.carriage.pose().p_W.x();
@@ -254,7 +277,7 @@ void Rig::touch_down(const Progress& progress) {
 }
 
 void Rig::step() {
-  if (!down_) touch_down();
+  if (phase_ != Phase::running) touch_down();
   drive((static_cast<double>(steps_) + 1.0) * spec_.time_step);
   advance("run");
   ++steps_;
@@ -346,12 +369,12 @@ recording::Run empty_run(recording::Condition condition) {
 const wheel::Body& Rig::shape() const { return *simulation_->contacts().front().shape; }
 
 recording::Run Rig::run(const Progress& progress) {
+  const bool resumed = !run_.channels.empty() && phase_ == Phase::running;
+  if (run_.channels.empty()) run_ = empty_run(condition_of(spec_, motion_));
   touch_down(progress);
   const double h = spec_.time_step;
   const auto block = static_cast<std::uint64_t>(std::max(1.0, std::round(spec_.sample_interval / h)));
   const auto count = static_cast<std::size_t>(planned_ / h / static_cast<double>(block)) + 2;
-  const bool resumed = !run_.channels.empty();
-  if (!resumed) run_ = empty_run(condition_of(spec_, motion_));
   recording::Run& run = run_;
   run.time.reserve(count);
   for (recording::Channel& c : run.channels) c.values.reserve(count);
@@ -365,13 +388,13 @@ recording::Run Rig::run(const Progress& progress) {
       step();
       sum.time += last_.time;
       for (const SampleChannel& c : sample_channels) sum.*c.field += last_.*c.field;
+      progress.report(std::min(1.0, static_cast<double>(steps_) * h / planned_), "rig");
     }
     const double scale = 1.0 / static_cast<double>(taken);
     run.time.push_back(sum.time * scale);
     for (std::size_t i = 0; i < std::size(sample_channels); ++i)
       run.channels[i].values.push_back(sum.*sample_channels[i].field * scale);
     if (observer_) observer_(*this);
-    progress.report(std::min(1.0, last_.time / planned_), "rig");
   }
   return std::move(run_);
 }
@@ -398,15 +421,16 @@ void Rig::resume(const recording::Checkpoint& c) {
 
 RigState Rig::snapshot() const {
   return {simulation_->snapshot(),
-          {down_ ? 1.0 : 0.0, ended_ ? 1.0 : 0.0, start_time_, start_position_, start_angle_,
-           static_cast<double>(steps_), applied_pull_, drive_work_, start_kinetic_}};
+          {static_cast<double>(phase_), ended_ ? 1.0 : 0.0, start_time_, start_position_, start_angle_,
+           static_cast<double>(steps_), applied_pull_, drive_work_, start_kinetic_, carried_, contact_stiffness_,
+           let_go_, still_, last_.sinkage, release_stiffness_}};
 }
 
 void Rig::restore(const RigState& state) {
-  if (state.numbers.size() != 9) throw InputError(Problem{{}, 0, 0, "snapshot", "is not of a rig", {}});
+  if (state.numbers.size() != 15 || !(state.numbers[0] >= 0.0 && state.numbers[0] <= 2.0)) throw InputError(Problem{{}, 0, 0, "snapshot", "is not of a rig", {}});
   simulation_->restore(state.simulation);
   const double* s = state.numbers.data();
-  down_ = s[0] != 0.0;
+  phase_ = static_cast<Phase>(static_cast<int>(s[0]));
   ended_ = s[1] != 0.0;
   start_time_ = s[2];
   start_position_ = s[3];
@@ -415,6 +439,12 @@ void Rig::restore(const RigState& state) {
   applied_pull_ = s[6];
   drive_work_ = s[7];
   start_kinetic_ = s[8];
+  carried_ = s[9];
+  contact_stiffness_ = s[10];
+  let_go_ = s[11];
+  still_ = s[12];
+  last_.sinkage = s[13];
+  release_stiffness_ = s[14];
 }
 
 }  // namespace terrode::vehicle

@@ -2,8 +2,9 @@
 //
 // How a run goes. (1) Touchdown: with carriage and wheel at rest the hub is lowered by a servo whose speed falls with
 // the load still missing, min(lowering_speed, (W - F)/(10 h K)), K the larger of the ground's own contact stiffness and
-// F/sinkage, so that it comes to rest at static equilibrium without overshoot; then the servo lets go. (2) Rim and
-// carriage speed rise together by 10 u^3 - 15 u^4 + 6 u^5 over `ramp_time`, so that slip is the commanded one from the
+// F/sinkage, so that it comes to rest at static equilibrium without overshoot; then the servo lets go. Grains never
+// carry just the load: on a ground of step means (particles) the servo lets go once they carry it, and the wheel comes to
+// rest by its own weight, for half a second at most (as Smith et al. give it). (2) Rim and carriage speed rise together by 10 u^3 - 15 u^4 + 6 u^5 over `ramp_time`, so that slip is the commanded one from the
 // start and no acceleration jumps.
 // (3) The run proper. Time zero and the first sample are at the start of (2).
 //
@@ -124,12 +125,14 @@ class Rig {
   recording::Run run(const Progress& progress = {});
   // The samples that run() has taken until now: all there is when it throws.
   const recording::Run& so_far() const { return run_; }
-  // Between two samples of run() (in the observer): rig, ground and samples. A rig of the same make that is set to it
+  // Between two samples of run() (in the observers): rig, ground and samples. A rig of the same make that is set to it
   // goes on with run() bit for bit. resume() throws InputError for a state of another rig.
   recording::Checkpoint checkpoint() const;
   void resume(const recording::Checkpoint& checkpoint);
   // Called by run() at time zero and after every sample, between steps: for pictures of the run. It must change nothing.
   void set_observer(std::function<void(Rig&)> observer) { observer_ = std::move(observer); }
+  // Called between the steps of a touchdown on grains, which may take long. It must change nothing.
+  void set_touchdown_observer(std::function<void(Rig&)> observer) { touchdown_observer_ = std::move(observer); }
   const std::vector<std::string>& events() const { return events_; }
 
   // Seconds simulated, touchdown included, and planned.
@@ -168,7 +171,11 @@ class Rig {
   std::unique_ptr<Parts> parts_;
   std::unique_ptr<Simulation> simulation_;
   double planned_ = 0.0;
-  bool down_ = false, ended_ = false;
+  enum class Phase { lowering, resting, running };
+  Phase phase_ = Phase::lowering;
+  bool ended_ = false;
+  double carried_ = 0.0, contact_stiffness_ = 0.0, release_stiffness_ = 0.0;  // N, N/m, vertical, of the last step
+  double let_go_ = 0.0, still_ = 0.0;               // s: when the servo let go; how long the wheel has been at rest
   double start_time_ = 0.0, start_position_ = 0.0, start_angle_ = 0.0;
   std::uint64_t steps_ = 0;  // since time zero
   double applied_pull_ = 0.0;
@@ -178,7 +185,7 @@ class Rig {
   RigSample last_;
   recording::Run run_;
   std::vector<std::string> events_;
-  std::function<void(Rig&)> observer_;
+  std::function<void(Rig&)> observer_, touchdown_observer_;
 };
 
 // The condition that a recording of this run has.

@@ -2,12 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
 #include <ctime>
 #include <limits>
 #include <mutex>
+#include <numeric>
 
 #include "core/parallel.h"
 #include "effects/steady_reading.h"
@@ -53,7 +55,14 @@ std::vector<SweepPoint> sweep(const std::vector<SweepMethod>& methods,
   std::mutex mutex;
   const double total = static_cast<double>(tasks.size());
 
-  parallel_for(tasks.size(), options.threads, [&](std::size_t i) {
+  // Points that creep take longest to travel their distance: begun first, they leave no thread waiting at the end.
+  std::vector<std::size_t> order(tasks.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return tasks[a].condition->forward_velocity.value_or(0.0) < tasks[b].condition->forward_velocity.value_or(0.0);
+  });
+  parallel_for(tasks.size(), options.threads, [&](std::size_t n) {
+    const std::size_t i = order[n];
     const Task& task = tasks[i];
     SweepPoint& point = points[i];
     point.method = task.method->name;
@@ -188,8 +197,8 @@ void read_instruments(recording::Run& run, const recording::Condition& c, double
 SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMotion& motion,
                        std::shared_ptr<const wheel::Body> shape,
                        std::function<std::unique_ptr<terrain::Terrain>(const recording::Condition&)> ground,
-                       const effects::EffectSet& effects, std::function<void(Rig&)> observe,
-                       std::shared_ptr<const recording::Checkpoint> resume) {
+                       const effects::EffectSet& effects, const RigObservers& observe,
+                       std::shared_ptr<const recording::Checkpoint> resume, const RunMemory& memory) {
   throw_if_any(spec.validate());
   const auto run = [=](const recording::Condition& c, const Progress& progress) {
     RigSpec s = spec;
@@ -202,20 +211,38 @@ SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMo
     if (std::isinf(c.slip) && c.slip < 0.0) m.angular_velocity = 0.0;
     std::unique_ptr<terrain::Terrain> bed = ground(c);
     PointResult out;
-    for (int pass = resume ? c.pass : 1; pass <= c.pass; ++pass) {
+    std::shared_ptr<const recording::Checkpoint> from = resume;
+    if (!from && memory.load) from = memory.load(c);
+    recording::Regularly regularly(memory.interval);
+    const auto keep = [&](Rig& rig) {
+      if (!memory.save || !(regularly.due() || progress.stop_requested())) return;
+      memory.save(c, rig.checkpoint());
+      regularly.done();
+    };
+    for (int pass = from ? c.pass : 1; pass <= c.pass; ++pass) {
       Rig rig(s, m, shape, std::move(bed));
       rig.set_earlier_seconds(out.simulated_seconds);
-      if (resume) rig.resume(*resume);
+      if (from) rig.resume(*from);
       Progress share = progress;
       share.report = [&](double fraction, const std::string& what) {
         progress.report((pass - 1 + fraction) / c.pass, what);
       };
-      if (pass == c.pass) rig.set_observer(observe);
+      if (pass == c.pass && (observe.sample || memory.save))
+        rig.set_observer([&](Rig& r) {
+          if (observe.sample) observe.sample(r);
+          keep(r);
+        });
+      if (pass == c.pass && (observe.touchdown || memory.save))
+        rig.set_touchdown_observer([&](Rig& r) {
+          if (observe.touchdown) observe.touchdown(r);
+          keep(r);
+        });
       out.run = rig.run(share);
       out.events = rig.events();
       out.simulated_seconds = rig.earlier_seconds() + rig.simulated_seconds();
       bed = rig.release_ground();
     }
+    if (memory.forget) memory.forget(c);
     read_instruments(out.run, c, spec.normal_load, effects, *shape->rolling());
     return out;
   };

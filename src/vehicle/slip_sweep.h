@@ -78,15 +78,30 @@ SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& so
 void read_instruments(recording::Run& run, const recording::Condition& condition, double wheel_load,
                       const effects::EffectSet& effects, const wheel::Rolling& rim);
 
+// Where unfinished runs are kept, by the condition they are of; earlier passes over the same ground are not kept. Each
+// function is called from several threads at once, for different conditions.
+struct RunMemory {
+  double interval = 30.0;  // s of wall time between two savings
+  std::function<std::shared_ptr<const recording::Checkpoint>(const recording::Condition&)> load;  // nothing: not there
+  std::function<void(const recording::Condition&, const recording::Checkpoint&)> save;
+  std::function<void(const recording::Condition&)> forget;
+};
+
+// What may look at a rig while it runs; see Rig::set_observer and Rig::set_touchdown_observer.
+struct RigObservers {
+  std::function<void(Rig&)> sample, touchdown;
+};
+
 // The rig on a ground as a method. `ground` makes a fresh one for each point (called from several threads); load, speed
 // and slip of spec and motion are replaced by the condition's. Of `effects` the rig takes what acts on load, slip and
 // instruments; those of soil, wheel and bed (EffectSet::for_ground) are for `ground` to build in. A condition's pass
-// above 1 runs the earlier passes first, on the same ground from the same start. `observe` sees the last pass
-// (Rig::set_observer); with `resume`, a checkpoint of the last pass, a point begins there.
+// above 1 runs the earlier passes first, on the same ground from the same start. `observe` sees the last pass;
+// with `resume`, a checkpoint of the last pass, a point begins there; with a `memory` the points of a sweep are kept while
+// they run and gone on with.
 SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMotion& motion,
                        std::shared_ptr<const wheel::Body> shape,
                        std::function<std::unique_ptr<terrain::Terrain>(const recording::Condition&)> ground,
-                       const effects::EffectSet& effects = {}, std::function<void(Rig&)> observe = {},
-                       std::shared_ptr<const recording::Checkpoint> resume = {});
+                       const effects::EffectSet& effects = {}, const RigObservers& observe = {},
+                       std::shared_ptr<const recording::Checkpoint> resume = {}, const RunMemory& memory = {});
 
 }  // namespace terrode::vehicle

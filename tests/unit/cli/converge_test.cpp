@@ -44,7 +44,13 @@ TEST(Converge, RefinesTheNodesAndSaysWhereItConverged) {
 TEST(Converge, RefusesWhatItCannotRefine) {
   EXPECT_EQ(run(kScenario + " --over colour").status, 2);
   EXPECT_EQ(run(kScenario).status, 2);
-  EXPECT_EQ(run(kScenario + " --over particles --method node-spring").status, 2);
+  const Output nodes = run(kScenario + " --over particles --method node-spring");
+  EXPECT_EQ(nodes.status, 2);
+  EXPECT_NE(nodes.text.find("time_step, node_spacing, domain"), std::string::npos) << nodes.text;
+  const Output grains = run(kScenario + " --over node_spacing --method dem");
+  EXPECT_EQ(grains.status, 2);
+  EXPECT_NE(grains.text.find("time_step, coupling, domain, particles"), std::string::npos) << grains.text;
+  EXPECT_EQ(run(kScenario + " --over domain --method steady").status, 2);
 }
 
 }  // namespace

@@ -2,8 +2,10 @@
 // window follows the wheel, a shell of spheres acts like the wheel it covers.
 #include "dem/dem_terrain.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "wheel/wheel.h"
@@ -50,6 +52,69 @@ TEST(DemTerrain, SnapshotComesBackBitForBit) {
   const double first = press(a, 5, 0.2);
   a.restore(saved);
   EXPECT_EQ(press(a, 5, 0.2), first);
+}
+
+TEST(DemTerrain, AFreshGroundGoesOnFromASnapshot) {
+  DemTerrain a(params()), b(params());
+  a.add_body(small_wheel());
+  b.add_body(small_wheel());
+  press(a, 20, 0.4);
+  b.restore(a.snapshot());
+  EXPECT_EQ(press(b, 5, 0.2), press(a, 5, 0.2));
+  EXPECT_EQ(a.hash(), b.hash());
+}
+
+TEST(DemTerrain, AFullBedIsLaidAtOnceAndItsBorderStandsStill) {
+  DemTerrainParams p = params();
+  p.tiles_y = 3;
+  p.full_length = 0.15;
+  p.full_behind = 0.06;
+  p.border = 0.008;
+  DemTerrain a(p);
+  a.add_body(small_wheel());
+  press(a, 30, 0.4);
+  const auto grains = 5 * 3 * prism().grains.size();
+  std::size_t all = 0, moved = 0;
+  a.particles().for_each_grain([&](const Vec3&, double) { ++all; });
+  EXPECT_EQ(all, grains);
+  EXPECT_LT(a.particles().free_count(), grains);
+  // Those that are fixed are where the prism put them.
+  DemTerrain still(p);
+  still.add_body(small_wheel());
+  still.begin_step(0, h);
+  still.wrench(0, at(0, 0.1), {});
+  still.end_step();
+  std::vector<Vec3> before, after;
+  const auto border = [&](std::vector<Vec3>& out) {
+    return [&](const Vec3& x, double) {
+      if (x.x() < -p.full_behind + 0.7 * p.border || std::abs(x.y()) > 0.045 - 0.7 * p.border) out.push_back(x);
+    };
+  };
+  still.particles().for_each_grain(border(before));
+  a.particles().for_each_grain(border(after));
+  EXPECT_GT(before.size(), 50u);
+  for (const Vec3& x : before)
+    moved += std::none_of(after.begin(), after.end(), [&](const Vec3& y) { return (x - y).norm() < 1e-12; });
+  EXPECT_EQ(moved, 0u);
+  a.begin_step(1, h);
+  EXPECT_THAT([&] { a.wrench(0, at(0.2, 0.03), {}); },
+              ::testing::ThrowsMessage<RunError>(::testing::HasSubstr("beyond the full bed")));
+}
+
+TEST(DemTerrain, AShellStandsWhereItsWheelIs) {
+  DemTerrainParams p = params();
+  p.surface = WheelSurface::spheres;
+  p.shell_diameter = 0.006;
+  DemTerrain g(p);
+  g.add_body(small_wheel());
+  // High above the bed nothing touches; half a radius deep at once much does.
+  g.begin_step(0, h);
+  EXPECT_EQ(g.wrench(0, at(0, 0.1), {}).contact_count, 0);
+  g.end_step();
+  DemTerrain deep(p);
+  deep.add_body(small_wheel());
+  deep.begin_step(0, h);
+  EXPECT_GT(deep.wrench(0, at(0, 0.036), {}).contact_count, 0);
 }
 
 TEST(DemTerrain, MisuseIsRefused) {

@@ -1,5 +1,7 @@
 #include "scenario/particle_tests.h"
 #include "scenario/scenario.h"
+
+#include "scenario/dem_file.h"
 #include "scenario/vehicle_file.h"
 
 #include <gmock/gmock.h>
@@ -137,6 +139,27 @@ TEST(Slips, ListsAndRanges) {
   EXPECT_EQ(parse_slips("0.2:-0.2:-0.2"), (std::vector<double>{0.2, 0, -0.2}));
   for (const char* bad : {"", "a", "1,,2", "0:1", "0:1:0", "0:1:-0.1", "0:1:1e-9", "nan", "0:inf:1", "1:2:3:4"})
     EXPECT_THROW(parse_slips(bad), InputError) << bad;
+}
+
+TEST(Particles, AreReadWrittenAndFilledInFromTheWheel) {
+  const std::string text =
+      "wheel: {radius: 100 mm, width: 50 mm}\n"
+      "soil: {bekker: {cohesion: 0, friction_angle: 30 deg, shear_modulus: 10 mm, n: 1, k: 10 kPa, plate_width: 50 mm}}\n"
+      "rig: {normal_load: 20 N}\n";
+  const Scenario plain = parse_scenario(text, "a.yaml");
+  EXPECT_DOUBLE_EQ(particle_sizes(plain).largest, 0.108 * 0.1);
+  EXPECT_DOUBLE_EQ(particle_window(plain).ahead, 0.12);
+  const Scenario s = parse_scenario(text + "particles: {smallest: 2.5 mm, largest: 10 mm, window_ahead: 7 cm, bed: full, rolling: epsd, "
+                                           "rolling_rate: 6.75e8, wheel_surface: spheres, time_step: 2 us}\n", "a.yaml");
+  EXPECT_DOUBLE_EQ(particle_sizes(s).smallest, 2.5e-3);
+  EXPECT_DOUBLE_EQ(particle_window(s).ahead, 0.07);
+  const Scenario again = parse_scenario(to_yaml(s), "b.yaml");
+  EXPECT_EQ(again.particles.bed, "full");
+  EXPECT_EQ(again.particles.wheel_surface, "spheres");
+  EXPECT_EQ(again.particles.time_step, s.particles.time_step);
+  EXPECT_EQ(again.particles.rolling_rate, 6.75e8);
+  EXPECT_THROW(parse_scenario(text + "particles: {smallest: 5 mm, largest: 4 mm}\n", "a.yaml"), InputError);
+  EXPECT_THROW(parse_scenario(text + "particles: {time_step_fraction: 0.5}\n", "a.yaml"), InputError);
 }
 
 TEST(Schema, NamesEveryKeyThatTheReaderKnows) {
