@@ -23,6 +23,7 @@
   X(oscillation)            \
   X(compare)                \
   X(calibrate)              \
+  X(calibrate_dem)          \
   X(export)                 \
   X(view)                   \
   X(validate)               \
