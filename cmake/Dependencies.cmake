@@ -17,3 +17,9 @@ pkg_check_modules(MATIO REQUIRED IMPORTED_TARGET matio)
 add_library(terrode_hdf5 INTERFACE)
 target_include_directories(terrode_hdf5 SYSTEM INTERFACE $<BUILD_INTERFACE:${HDF5_C_INCLUDE_DIRS}>)
 target_link_libraries(terrode_hdf5 INTERFACE ${HDF5_C_LIBRARIES})
+
+# Debian's urdfdom.pc names a folder of headers that is not there; they lie in the compiler's own.
+find_library(URDFDOM_MODEL urdfdom_model REQUIRED)
+find_library(CONSOLE_BRIDGE console_bridge REQUIRED)
+add_library(terrode_urdfdom INTERFACE)
+target_link_libraries(terrode_urdfdom INTERFACE ${URDFDOM_MODEL} ${CONSOLE_BRIDGE})

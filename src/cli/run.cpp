@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -11,9 +12,11 @@
 #include "cli/kept_run.h"
 #include "cli/particle_tests.h"
 #include "cli/terminal.h"
+#include "cli/vehicle_run.h"
 #include "recording/result_file.h"
 #include "scenario/methods.h"
 #include "scenario/particle_tests.h"
+#include "scenario/vehicle_file.h"
 #include "vehicle/frame_recorder.h"
 #include "vehicle/slip_sweep.h"
 
@@ -25,15 +28,26 @@ struct Arguments {
   std::string slip;
   int frames = 0;
   KeptRunOptions kept;
+  std::string state, resume;
+  std::optional<double> until;
 };
 
+void refuse(const char* option, bool given, const char* what) {
+  if (given) throw InputError({{}, 0, 0, option, std::string("is for ") + what, "another option"});
+}
+
 void run_rig(const Arguments& a, Common& common) {
+  const char* const vehicles = "vehicle scenarios";
+  refuse("--state", !a.state.empty(), vehicles);
+  refuse("--resume", !a.resume.empty(), vehicles);
+  refuse("--until", a.until.has_value(), vehicles);
   if (scenario::is_particle_tests(a.scenario)) {
     if (!a.method.empty() || !a.slip.empty() || a.frames > 0)
       throw InputError({a.scenario, 0, 0, "--method, --slip, --frames", "do not go with soil tests on particles", "a scenario of a wheel"});
     return run_particle_tests(a.scenario, a.kept.output, a.csv, a.soil, a.kept.overwrite, common);
   }
   if (!a.soil.empty()) throw InputError({a.scenario, 0, 0, "--soil", "is for soil tests on particles", "a file with the key particle_tests"});
+  refuse("--report", !common.report.empty(), vehicles);
   scenario::Scenario s = load_input(a.scenario, common);
   if (a.frames > 0 && a.kept.output.empty()) throw InputError({{}, 0, 0, "--frames", "needs a file to be kept in", "-o OUT.h5"});
   std::string method = a.method;
@@ -153,12 +167,29 @@ void run_rig(const Arguments& a, Common& common) {
     std::fputs(aligned(rows).c_str(), stdout);
 }
 
+void run(const Arguments& a, Common& common) {
+  if (std::filesystem::is_directory(a.scenario) || !scenario::is_drive(a.scenario)) {
+    run_rig(a, common);
+    return;
+  }
+  refuse("--method", !a.method.empty(), "rigs (a vehicle's ground stands in its scenario)");
+  refuse("--slip", !a.slip.empty(), "rigs");
+  VehicleArguments v;
+  v.kept = a.kept;
+  v.csv = a.csv;
+  v.frames = a.frames;
+  v.state = a.state;
+  v.resume = a.resume;
+  v.until = a.until;
+  run_vehicle(a.scenario, v, common);
+}
+
 }  // namespace
 
 void add_run(CLI::App& app, Common& common) {
-  CLI::App* command = app.add_subcommand("run", "simulate a scenario: one run of the single-wheel rig, as a time series, or soil tests on particles");
+  CLI::App* command = app.add_subcommand("run", "simulate a scenario as a time series: one run of the single-wheel rig, a vehicle, or soil tests on particles");
   const auto a = std::make_shared<Arguments>();
-  command->add_option("SCENARIO", a->scenario, "scenario file, or a recording")->required()->type_name("");
+  command->add_option("SCENARIO", a->scenario, "scenario file of a rig or a vehicle, or a recording")->required()->type_name("");
   command->add_option("--method", a->method, "node-spring, dem, mpi (default: the scenario's first that simulates in time)")
       ->check(CLI::IsMember(scenario::method_names()))
       ->type_name("NAME");
@@ -169,9 +200,12 @@ void add_run(CLI::App& app, Common& common) {
       ->type_name("N");
   command->add_option("--csv", a->csv, "write the time series, or the curves of soil tests, to this file")->type_name("FILE.csv");
   command->add_option("--soil", a->soil, "write the soil fitted to soil tests on particles to this file")->type_name("FILE.yaml");
-  add_common(*command, common, false);
+  command->add_option("--until", a->until, "vehicles: stop at this time [s], before the scenario's end")->check(CLI::PositiveNumber)->type_name("T");
+  command->add_option("--state", a->state, "vehicles: write the state at the end to this file, for --resume")->type_name("FILE.h5");
+  command->add_option("--resume", a->resume, "vehicles: go on from a state, to the bit as if never stopped")->type_name("FILE.h5");
+  add_common(*command, common, true);
   common.words["run --method"] = {"node-spring", "dem", "mpi"};
-  command->callback([a, &common] { run_rig(*a, common); });
+  command->callback([a, &common] { run(*a, common); });
 }
 
 }  // namespace terrode::cli

@@ -11,6 +11,7 @@
 #include "scenario/particle_tests.h"
 #include "scenario/recording_file.h"
 #include "scenario/scenario.h"
+#include "scenario/vehicle_file.h"
 
 namespace terrode::cli {
 namespace {
@@ -39,6 +40,20 @@ void validate(const std::vector<std::string>& files, Common& common) {
         warnings = sample_warnings(check.recording);
       } else if (scenario::is_particle_tests(file)) {
         scenario::load_particle_tests(file);
+      } else if (scenario::is_machine(file)) {
+        notes = scenario::load_machine(file).notes;
+      } else if (scenario::is_drive(file)) {
+        const scenario::DriveScenario d = scenario::load_drive(file);
+        notes = d.base.notes;
+        if (d.ground == "node-spring") {
+          d.base.bekker_soil();
+          d.base.contact_angles();
+        }
+        const effects::EffectSet effects = scenario::effect_set(d.base);
+        // Particles would be settled first; the machine itself is checked on hard ground then.
+        scenario::DriveScenario quick = d;
+        if (d.ground == "dem") quick.ground = "rigid";
+        vehicle::Vehicle(quick.machine, quick.options, quick.make_ground(effects));
       } else {
         const scenario::Scenario s = scenario::load_scenario(file);
         notes = s.notes;

@@ -692,6 +692,7 @@ void World::step(double h) {
     throw InputError(Problem{{}, 0, 0, "time_step", fmt::format("is {:.6g} s", h), "a finite time above 0"});
   check_finite();
   for (const auto& j : joints_) j->prepare(h);
+  collisions_.begin_step(h);
   sink.count = 0;
   sink.world = this;
   const int solved = dWorldStep(id_, h);
@@ -705,6 +706,7 @@ void World::step(double h) {
                     "same motion, or a force is far out of proportion",
                     time_, steps_, sink.last));
   for (const auto& j : joints_) j->read();
+  collisions_.end_step(h);
   const double before = time_;
   // Compensated sum: t is n h to rounding after any number of steps.
   const double y = h - time_carry_;
@@ -728,7 +730,8 @@ std::vector<double> World::snapshot() const {
                            static_cast<double>(steps_),
                            options_.gravity.x(),
                            options_.gravity.y(),
-                           options_.gravity.z()};
+                           options_.gravity.z(),
+                           collisions_.work};
   for (const auto& b : bodies_) {
     const dReal* p = dBodyGetPosition(b->id_);
     const dReal* q = dBodyGetQuaternion(b->id_);
@@ -758,7 +761,8 @@ void World::restore(const std::vector<double>& state) {
   time_carry_ = s[1];
   steps_ = static_cast<std::size_t>(s[2]);
   set_gravity({s[3], s[4], s[5]});
-  s += 6;
+  collisions_.work = s[6];
+  s += 7;
   for (const auto& b : bodies_) {
     dBodySetPosition(b->id_, s[0], s[1], s[2]);
     const dQuaternion q = {s[3], s[4], s[5], s[6]};

@@ -18,6 +18,7 @@
 
 #include "core/frames.h"
 #include "core/problem.h"
+#include "multibody/collisions.h"
 
 struct dxBody;
 struct dxJoint;
@@ -77,8 +78,13 @@ class Body {
   // Kinetic energy m v^2/2 + w.I.w/2 [J].
   double kinetic_energy() const;
 
+  // What other bodies' surfaces exerted on this one in the last step: mean over the step, moment about the centre of
+  // mass. Zero without a collision shape.
+  const Wrench& contact_load() const { return contact_load_; }
+
  private:
   friend class World;
+  friend class Collisions;
   friend class Joint;
   friend class Slider;
   friend class Hinge;
@@ -94,6 +100,7 @@ class Body {
   MassProperties mass_;
   dxBody* id_ = nullptr;
   bool kinematic_ = false;
+  Wrench contact_load_;
 };
 
 // What a joint exerted on its body in the last step: mean over the step, moment about the body's centre of mass at the
@@ -315,6 +322,10 @@ class World {
   AngularMotor& add_angular_motor(const std::string& name, Body& body, const std::vector<Vec3>& axes_W);
   SoilDamper& add_soil_damper(const std::string& name, Body& body);
 
+  // Surfaces that touch each other; bodies without one pass through everything.
+  Collisions& collisions() { return collisions_; }
+  const Collisions& collisions() const { return collisions_; }
+
   const std::vector<std::unique_ptr<Body>>& bodies() const { return bodies_; }
   const std::vector<std::unique_ptr<Joint>>& joints() const { return joints_; }
 
@@ -340,6 +351,7 @@ class World {
 
  private:
   friend class Body;
+  friend class Collisions;
   friend class Joint;
   friend class Slider;
   friend class Hinge;
@@ -359,6 +371,7 @@ class World {
   dxThreadingImplementation* threading_ = nullptr;
   std::vector<std::unique_ptr<Body>> bodies_;
   std::vector<std::unique_ptr<Joint>> joints_;
+  Collisions collisions_{*this};
   double time_ = 0.0, time_carry_ = 0.0;
   std::size_t steps_ = 0;
   std::size_t messages_ = 0;

@@ -1,11 +1,15 @@
 #include "scenario/vehicle_file.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
 
+#include "scenario/dem_file.h"
 #include "scenario/methods.h"
 #include "scenario/section.h"
 #include "terrain/rigid.h"
-#include "terrain/surfaces.h"
 #include "vehicle/machines.h"
 
 namespace terrode::scenario {
@@ -14,195 +18,10 @@ namespace {
 
 using namespace vehicle;
 
-void vector3(MapReader& map, const std::string& key, const std::string& unit, Vec3& out) {
-  if (!map.has(key)) return;
-  const std::size_t before = map.source().problems.size();
-  const std::vector<double> v = map.numbers(key, unit);
-  if (v.size() == 3)
-    out = Vec3(v[0], v[1], v[2]);
-  else if (map.source().problems.size() == before)
-    map.source().problem(*map.find(key), map.key(key), "has " + std::to_string(v.size()) + " numbers",
-                         "three: x, y, z");
-}
+constexpr double earth = 9.81, moon = 1.62, mars = 3.71;  // m/s2
 
 void take(double& out, const std::optional<double>& value) {
   if (value) out = *value;
-}
-
-std::string text_of(MapReader& map, const std::string& key) {
-  map.need(key);
-  return map.text(key).value_or("");
-}
-
-SpringSpec read_spring(MapReader& map, bool angular) {
-  SpringSpec s;
-  take(s.stiffness, map.number("stiffness", angular ? "N m/rad" : "N/m", at_least(0)));
-  take(s.damping, map.number("damping", angular ? "N m s/rad" : "N s/m", at_least(0)));
-  take(s.preload, map.number("preload", angular ? "N m" : "N"));
-  return s;
-}
-
-DriveSpec read_drive(MapReader& map) {
-  DriveSpec d;
-  const std::string kind = map.choice("kind", {"free", "speed", "torque", "dc_motor"}).value_or("speed");
-  d.kind = kind == "free"     ? DriveKind::free
-           : kind == "torque" ? DriveKind::torque
-           : kind == "speed"  ? DriveKind::speed
-                              : DriveKind::dc_motor;
-  take(d.max_torque, map.number("max_torque", "N m", above(0)));
-  DcMotorSpec& m = d.motor;
-  take(m.voltage, map.number("voltage", "V", above(0)));
-  take(m.resistance, map.number("resistance", "Ohm", above(0)));
-  take(m.torque_constant, map.number("torque_constant", "N m/A", above(0)));
-  take(m.gear, map.number("gear", "-", above(0)));
-  take(m.efficiency, map.number("efficiency", "-", {0, 1, true, false}));
-  take(m.current_limit, map.number("current_limit", "A", above(0)));
-  take(m.speed_gain, map.number("speed_gain", "V s/rad", at_least(0)));
-  map.finish();
-  return d;
-}
-
-VehicleWheelSpec read_wheel(MapReader& map) {
-  VehicleWheelSpec w;
-  w.name = text_of(map, "name");
-  w.parent = text_of(map, "parent");
-  map.need("centre");
-  vector3(map, "centre", "m", w.centre);
-  map.need("mass");
-  take(w.mass, map.number("mass", "kg", above(0)));
-  map.need("radius");
-  take(w.shape.radius, map.number("radius", "m", above(0)));
-  map.need("width");
-  take(w.shape.width, map.number("width", "m", above(0)));
-  take(w.shape.crown_radius, map.number("crown_radius", "m", at_least(0)));
-  if (auto g = map.section("grousers")) {
-    if (const auto count = g->integer("count", 0, 1000)) w.shape.grousers.count = static_cast<int>(*count);
-    take(w.shape.grousers.height, g->number("height", "m", above(0)));
-    w.shape.grousers.thickness = g->number("thickness", "m", above(0)).value_or(0.003);
-    g->finish();
-  }
-  if (auto d = map.section("drive")) w.drive = read_drive(*d);
-  if (auto s = map.section("strut")) {
-    StrutSpec strut;
-    strut.spring = read_spring(*s, false);
-    take(strut.upright_mass, s->number("upright_mass", "kg", above(0)));
-    s->finish();
-    w.strut = strut;
-  }
-  if (auto s = map.section("steering")) {
-    SteeringSpec steering;
-    take(steering.limit, s->number("limit", "rad", above(0)));
-    take(steering.rate, s->number("rate", "rad/s", above(0)));
-    take(steering.response, s->number("response", "s", above(0)));
-    take(steering.knuckle_mass, s->number("knuckle_mass", "kg", above(0)));
-    s->finish();
-    w.steering = steering;
-  }
-  map.finish();
-  return w;
-}
-
-VehicleSpec read_machine(const Node& node, const std::string& key, Source& source) {
-  VehicleSpec v;
-  const std::size_t before = source.problems.size();
-  MapReader map(node, key, source);
-  v.name = text_of(map, "name");
-  vector3(map, "hitch", "m", v.hitch);
-  for (const auto& [item_key, item] : map.items("bodies")) {
-    MapReader m(*item, item_key, source);
-    BodySpec b;
-    b.name = text_of(m, "name");
-    m.need("mass");
-    take(b.mass, m.number("mass", "kg", above(0)));
-    vector3(m, "position", "m", b.position);
-    vector3(m, "size", "m", b.size);
-    if (m.has("inertia")) {
-      Vec3 moments = Vec3::Zero();
-      vector3(m, "inertia", "kg m^2", moments);
-      b.inertia = Mat3(moments.asDiagonal());
-    }
-    m.finish();
-    v.bodies.push_back(b);
-  }
-  for (const auto& [item_key, item] : map.items("joints")) {
-    MapReader m(*item, item_key, source);
-    JointSpec j;
-    j.name = text_of(m, "name");
-    m.need("kind");
-    const std::string kind = m.choice("kind", {"fixed", "hinge", "slider", "ball", "rod"}).value_or("hinge");
-    j.kind = kind == "fixed"    ? JointKind::fixed
-             : kind == "slider" ? JointKind::slider
-             : kind == "ball"   ? JointKind::ball
-             : kind == "rod"    ? JointKind::rod
-                                : JointKind::hinge;
-    j.body = text_of(m, "body");
-    j.parent = text_of(m, "parent");
-    vector3(m, "anchor", "m", j.anchor);
-    vector3(m, "anchor_on_parent", "m", j.anchor_on_parent);
-    vector3(m, "axis", "-", j.axis);
-    if (auto s = m.section("spring")) {
-      j.spring = read_spring(*s, j.kind == JointKind::hinge);
-      s->finish();
-    }
-    m.finish();
-    v.joints.push_back(j);
-  }
-  for (const auto& [item_key, item] : map.items("wheels")) {
-    MapReader m(*item, item_key, source);
-    v.wheels.push_back(read_wheel(m));
-  }
-  map.finish();
-  if (source.problems.size() == before) {
-    for (Problem p : v.validate()) {
-      p.file = source.file;
-      p.line = node.line;
-      p.column = node.column;
-      p.key = key.empty() ? p.key : key + "." + p.key;
-      source.problems.push_back(p);
-    }
-  }
-  return v;
-}
-
-std::shared_ptr<const terrain::Surface> read_surface(MapReader& map) {
-  const std::string kind = map.choice("kind", {"level", "slope", "fractal", "png", "ascii"}).value_or("level");
-  std::shared_ptr<const terrain::Surface> out;
-  Source& source = map.source();
-  std::string path;
-  if (kind == "png" || kind == "ascii") {
-    const std::size_t before = source.problems.size();
-    path = named_path(map.text("file").value_or(""), map.node(), map.key("file"), source);
-    map.need("file");
-    if (source.problems.size() > before) return nullptr;
-  }
-  try {
-    if (kind == "slope") {
-      const double angle = map.number("angle", "rad", between(-1.2, 1.2)).value_or(0.0);
-      out = std::make_shared<terrain::SlopeSurface>(angle, map.number("azimuth", "rad").value_or(0.0));
-    } else if (kind == "fractal") {
-      terrain::FractalParams p;
-      take(p.rms_height, map.number("rms_height", "m", at_least(0)));
-      take(p.hurst, map.number("hurst", "-", {0, 1, true, false}));
-      take(p.longest, map.number("longest", "m", above(0)));
-      take(p.shortest, map.number("shortest", "m", above(0)));
-      if (const auto seed = map.integer("seed", 0, 1L << 40)) p.seed = static_cast<std::uint64_t>(*seed);
-      out = std::make_shared<terrain::FractalSurface>(p);
-    } else if (kind == "png") {
-      map.need("cell");
-      map.need("white");
-      const double cell = map.number("cell", "m", above(0)).value_or(1.0);
-      const double black = map.number("black", "m").value_or(0.0), white = map.number("white", "m").value_or(0.0);
-      const double x0 = map.number("x0", "m").value_or(0.0), y0 = map.number("y0", "m").value_or(0.0);
-      out = std::make_shared<terrain::GridSurface>(
-          terrain::read_png_heights(path, cell, black, white, x0, y0));
-    } else if (kind == "ascii") {
-      out = std::make_shared<terrain::GridSurface>(terrain::read_ascii_heights(path));
-    }
-  } catch (const InputError& e) {
-    for (const Problem& p : e.problems()) source.problem(map.node(), map.key(p.key), p.message, p.expected);
-  }
-  map.finish();
-  return out;
 }
 
 void read_script(MapReader& map, DriveScenario& out) {
@@ -240,6 +59,57 @@ void read_script(MapReader& map, DriveScenario& out) {
     map.source().problem(map.node(), "script", "and path are both given or both missing", "one of them");
 }
 
+
+// A number, or the name of a world.
+double read_gravity(MapReader& map) {
+  const Node* node = map.find("gravity");
+  if (node == nullptr) return earth;
+  for (const auto& [name, g] : {std::pair{"earth", earth}, {"moon", moon}, {"mars", mars}})
+    if (node->kind == Node::Kind::scalar && node->text == name) return g;
+  if (node->kind == Node::Kind::scalar && !node->text.empty() && std::isalpha(static_cast<unsigned char>(node->text[0]))) {
+    map.source().problem(*node, "gravity", "is '" + node->text + "'", "earth, moon, mars or an acceleration");
+    return earth;
+  }
+  return map.number("gravity", "m/s^2", above(0)).value_or(earth);
+}
+
+// What gravity does to the machine is plain; what it does to the soil is a choice, which is said.
+void read_soil_gravity(MapReader& map, double gravity, DriveScenario& out) {
+  const auto choice = map.choice("soil_measured_at", {"here", "earth"});
+  if (gravity == earth || out.ground == "rigid") return;
+  if (out.ground == "dem") {
+    out.base.notes.push_back(fmt::format("gravity {:.4g} m/s2 acts on the machine and on every grain", gravity));
+    return;
+  }
+  if (choice.value_or("here") == "here") {
+    out.base.notes.push_back(fmt::format(
+        "gravity {:.4g} m/s2 acts on the machine; the soil's parameters are taken as measured there and stay as given "
+        "(soil_measured_at: earth scales k and the unit weight by {:.4g})",
+        gravity, gravity / earth));
+    return;
+  }
+  for (const EffectSpec& e : out.base.effects)
+    if (e.id == "gravity") {
+      map.source().problem(map.node(), "soil_measured_at", "stands beside the effect gravity", "one of the two");
+      return;
+    }
+  out.base.effects.push_back({"gravity", {{"g", gravity}}});
+  out.base.notes.push_back(fmt::format(
+      "gravity {:.4g} m/s2 acts on the machine; of the soil, measured on Earth, it scales k and the unit weight by {:.4g} "
+      "and leaves cohesion, friction angle, n and K as they are (the effect gravity)",
+      gravity, gravity / earth));
+}
+
+void read_margin(MapReader& map, VehicleOptions& options) {
+  auto margin = map.section("mobility_margin");
+  if (!margin) return;
+  margin->need("every");
+  take(options.margin_interval, margin->number("every", "s", above(0)));
+  take(options.margin_largest, margin->number("largest", "N", above(0)));
+  take(options.margin_rate, margin->number("rate", "N/s", above(0)));
+  margin->finish();
+}
+
 }  // namespace
 
 bool is_drive(const std::string& path) {
@@ -248,12 +118,10 @@ bool is_drive(const std::string& path) {
   return root.find("vehicle") != nullptr;
 }
 
-VehicleSpec parse_machine(const std::string& text, const std::string& file) {
-  const Node root = parse_yaml(text, file);
-  Source source{file, {}, {}};
-  VehicleSpec out = read_machine(root, "", source);
-  throw_if_any(source.problems);
-  return out;
+bool is_machine(const std::string& path) {
+  if (std::filesystem::is_directory(path)) return false;
+  const Node root = read_yaml(path);
+  return root.find("vehicle") == nullptr && (root.find("urdf") != nullptr || root.find("wheels") != nullptr);
 }
 
 DriveScenario parse_drive(const std::string& text, const std::string& file) {
@@ -265,6 +133,8 @@ DriveScenario parse_drive(const std::string& text, const std::string& file) {
   out.base.file = file;
   MapReader map(root, "", source);
   if (const auto title = map.text("title")) out.base.title = *title;
+  if (const auto seed = map.integer("seed", 0, 2147483647)) out.base.seed = static_cast<int>(*seed);
+  out.options.seed = static_cast<std::uint64_t>(out.base.seed);
   if (const Node* v = map.need("vehicle")) {
     const bool name = v->kind == Node::Kind::scalar && v->text.find('.') == std::string::npos;
     if (name) {
@@ -278,17 +148,22 @@ DriveScenario parse_drive(const std::string& text, const std::string& file) {
                      [&](const Node& n, const std::string& k, Source& s) { out.machine = read_machine(n, k, s); });
     }
   }
+  double reach = 0.0;  // of the machine in plan
+  for (const VehicleWheelSpec& w : out.machine.wheels)
+    reach = std::max(reach, w.centre.head<2>().norm() + w.shape.radius + 0.5 * w.shape.width);
   if (!out.machine.wheels.empty()) {
     out.base.wheel.radius = out.machine.wheels.front().shape.radius;
     out.base.wheel.width = out.machine.wheels.front().shape.width;
   }
-  if (const auto g = map.choice("ground", {"node-spring", "rigid"})) out.ground = *g;
+  if (const auto g = map.choice("ground", {"node-spring", "rigid", "dem"})) out.ground = *g;
   if (out.ground == "node-spring") map.need("soil");
   for (const Section& section : {soil_section(), terrain_section(), effects_section()})
     if (const Node* node = map.find(section.name)) section.read(*node, section.name, source, out.base);
-  if (auto s = map.section("surface")) out.surface = read_surface(*s);
-  double gravity = 9.81, slope = 0.0;
-  take(gravity, map.number("gravity", "m/s^2", above(0)));
+  if (const Node* node = map.find("surface")) out.surface = read_surface(*node, "surface", source);
+  out.soil_map = read_soil_map(map, out.base);
+  const double gravity = read_gravity(map);
+  read_soil_gravity(map, gravity, out);
+  double slope = 0.0;
   take(slope, map.number("slope", "rad", between(-1.2, 1.2)));
   out.options.gravity = gravity * Vec3(-std::sin(slope), 0.0, -std::cos(slope));
   take(out.options.start_x, map.number("start_x", "m"));
@@ -297,6 +172,27 @@ DriveScenario parse_drive(const std::string& text, const std::string& file) {
   take(out.options.time_step, map.number("time_step", "s", {0, 0.1, true, false}));
   take(out.options.sample_interval, map.number("sample_interval", "s", at_least(0)));
   take(out.options.settle_time, map.number("settle_time", "s", above(0)));
+  take(out.options.immobile_time, map.number("immobile_time", "s", above(0)));
+  read_margin(map, out.options);
+  out.options.rocks = read_rocks(map, out.options.start_x, out.options.start_y, reach);
+  if (auto contact = map.section("rock_contact")) {
+    take(out.options.rock_contact.friction, contact->number("friction", "-", at_least(0)));
+    take(out.options.rock_contact.stiffness, contact->number("stiffness", "N/m", above(0)));
+    take(out.options.rock_contact.damping, contact->number("damping", "N s/m", at_least(0)));
+    contact->finish();
+  }
+  if (out.ground != "node-spring") {
+    const auto only = [&](const char* key, bool there) {
+      if (there)
+        source.problem(*map.find(key), key, "stands on " + out.ground + " ground, which is level and uniform", "ground: node-spring");
+    };
+    only("surface", out.surface != nullptr);
+    only("soil_map", !out.soil_map.empty());
+    if (out.ground == "dem") {
+      only("slope", slope != 0.0);
+      only("start_heading", out.options.start_heading != 0.0);
+    }
+  }
   read_script(map, out);
   double total = 0.0;
   bool timed = !out.script.empty();
@@ -308,7 +204,7 @@ DriveScenario parse_drive(const std::string& text, const std::string& file) {
   take(out.duration, map.number("duration", "s", above(0)));
   map.finish();
   throw_if_any(source.problems);
-  out.base.notes = source.notes;
+  out.base.notes.insert(out.base.notes.begin(), source.notes.begin(), source.notes.end());
   return out;
 }
 
@@ -316,11 +212,26 @@ DriveScenario load_drive(const std::string& path) {
   return parse_drive(read_text_file(path, ReadLimits{}.bytes), path);
 }
 
-std::unique_ptr<terrain::Terrain> DriveScenario::make_ground(const effects::EffectSet& effects) const {
+std::unique_ptr<terrain::Terrain> DriveScenario::make_ground(const effects::EffectSet& effects, int threads) const {
   if (ground == "rigid") return std::make_unique<terrain::RigidTerrain>();
+  if (ground == "dem") {
+    if (effects.has_bed())
+      throw InputError({file, 0, 0, "effects", "shape the bed, which particles do not know", "ground: node-spring"});
+    Scenario for_wheel = base;
+    for_wheel.rig.gravity = options.gravity.norm();
+    dem::DemTerrainParams params = particle_params(for_wheel, threads);
+    // As wide as the machine and a wheel's radius to either side.
+    double half = 0.0;
+    for (const VehicleWheelSpec& w : machine.wheels)
+      half = std::max(half, std::abs(w.centre.y()) + 0.5 * w.shape.width + w.shape.radius);
+    params.tiles_y = std::max(params.tiles_y, static_cast<int>(std::ceil(2.0 * half / params.prism.length)));
+    return std::make_unique<dem::DemTerrain>(std::move(params));
+  }
   bekker::PointLaw law;
   law.modifiers = effects.modifiers();
-  return std::make_unique<terrain::NodeSpringTerrain>(node_spring_params(base), law, surface);
+  std::shared_ptr<const terrain::SoilField> field;
+  if (!soil_map.empty()) field = std::make_shared<terrain::SoilMap>(soil_map);
+  return std::make_unique<terrain::NodeSpringTerrain>(node_spring_params(base), law, with_bed(surface, effects), field);
 }
 
 std::unique_ptr<vehicle::Controller> DriveScenario::make_controller() const {
@@ -328,22 +239,115 @@ std::unique_ptr<vehicle::Controller> DriveScenario::make_controller() const {
   return std::make_unique<PathFollower>(waypoints, path);
 }
 
-DriveResult run_drive(const DriveScenario& drive, const Progress& progress, const DriveObserver& observe,
-                      const recording::Checkpoint* resume) {
-  const effects::EffectSet effects = effect_set(drive.base);
-  Vehicle v(drive.machine, drive.options, drive.make_ground(effects));
-  const auto controller = drive.make_controller();
-  if (resume) v.resume(*resume, *controller);
-  if (observe) v.set_observer([&](Vehicle& vehicle) { observe(vehicle, *controller); });
+DriveRun::DriveRun(const DriveScenario& drive, int threads)
+    : drive_(drive),
+      effects_(effect_set(drive.base)),
+      vehicle_(drive.machine, drive.options, drive.make_ground(effects_, threads)),
+      controller_(drive.make_controller()) {}
+
+void DriveRun::run(double until, const Progress& progress) {
+  const double left = std::min(until, drive_.duration) - vehicle_.time();
+  if (!(left > 0.5 * drive_.options.time_step))
+    throw InputError({drive_.file, 0, 0, "duration", fmt::format("ends at {:.6g} s, which the run has reached", std::min(until, drive_.duration)),
+                      "a later end"});
+  vehicle_.run(*controller_, left, progress);
+}
+
+void DriveRun::take_up(const recording::Checkpoint& checkpoint) { vehicle_.resume(checkpoint, *controller_); }
+
+DriveResult DriveRun::result() const {
   DriveResult out;
-  out.run = v.run(*controller, drive.duration, progress);
-  out.run.id = drive.machine.name;
-  out.events = v.events();
-  out.simulated_seconds = v.time();
-  out.energy = v.energy();
+  out.run = vehicle_.so_far();
+  out.run.id = drive_.machine.name;
+  out.bodies = vehicle_.body_runs();
+  out.events = vehicle_.events();
+  out.margins = vehicle_.margins();
+  out.end = vehicle_.end();
+  out.simulated_seconds = vehicle_.time();
+  out.energy = vehicle_.energy();
   double drives = 0.0;
-  for (const WheelSample& w : v.last().wheels) drives += w.energy;
-  if (v.last().travel > 1e-6) out.energy_per_metre = drives / v.last().travel;
+  for (const WheelSample& w : vehicle_.last().wheels) drives += w.energy;
+  if (vehicle_.last().travel > 1e-6) out.energy_per_metre = drives / vehicle_.last().travel;
+  return out;
+}
+
+DriveResult run_drive(const DriveScenario& drive, const Progress& progress) {
+  DriveRun run(drive);
+  run.run(drive.duration, progress);
+  return run.result();
+}
+
+namespace {
+
+constexpr const char* state_group = "/vehicle_state";
+
+}  // namespace
+
+void DriveRun::save(recording::Hdf5File& file) const {
+  const VehicleState state = vehicle_.snapshot(controller_.get());
+  const std::string group = state_group;
+  file.create_group(group);
+  file.set_attribute(group, "scenario", drive_.text);
+  file.set_attribute(group, "time", vehicle_.time());
+  file.write(group + "/world", state.simulation.world);
+  file.write(group + "/contacts", state.simulation.contacts);
+  file.write(group + "/machine", state.numbers);
+  file.write(group + "/controller", state.controller);
+  recording::ArrayOptions packed;
+  packed.compression = 1;
+  file.write(group + "/ground", state.simulation.ground, packed);
+}
+
+void DriveRun::resume(const recording::Hdf5File& file) {
+  const std::string group = state_group;
+  if (!file.is_group(group))
+    throw InputError({file.path(), 0, 0, group, "is not in the file", "a result of 'terrode run --state'"});
+  if (file.text_attribute(group, "scenario") != drive_.text)
+    throw InputError({file.path(), 0, 0, group, "is the state of another scenario than " + drive_.file,
+                      "the scenario with which it was saved"});
+  VehicleState state;
+  state.simulation.world = file.read<double>(group + "/world").values;
+  state.simulation.contacts = file.read<double>(group + "/contacts").values;
+  state.simulation.ground = file.read<std::uint8_t>(group + "/ground").values;
+  state.numbers = file.read<double>(group + "/machine").values;
+  state.controller = file.read<double>(group + "/controller").values;
+  vehicle_.restore(state, controller_.get());
+}
+
+std::string DriveScenario::named_files() const {
+  const auto of = [](const Node& root, const std::string& where) {
+    return scenario::named_files(root, std::filesystem::path(where).parent_path().string());
+  };
+  const Node root = parse_yaml(text, file);
+  std::string out = of(root, file);
+  const Node* v = root.find("vehicle");
+  if (v != nullptr && v->kind == Node::Kind::scalar && v->text.find('.') != std::string::npos) {
+    const std::filesystem::path beside = std::filesystem::path(file).parent_path() / v->text;
+    out += of(read_yaml(beside.string()), beside.string());
+  }
+  return out;
+}
+
+std::vector<Eigen::Vector2d> DriveScenario::planned_path() const {
+  std::vector<Eigen::Vector2d> out = {{options.start_x, options.start_y}};
+  if (script.empty()) {
+    out.insert(out.end(), waypoints.begin(), waypoints.end());
+    return out;
+  }
+  double heading = options.start_heading, time = 0.0;
+  constexpr int pieces = 50;
+  for (const Manoeuvre& m : script) {
+    double seconds = m.duration.value_or(duration - time);
+    if (m.distance && m.speed != 0.0) seconds = std::min(seconds, *m.distance / std::abs(m.speed));
+    seconds = std::clamp(seconds, 0.0, std::max(0.0, duration - time));
+    time += seconds;
+    for (int i = 0; i < pieces; ++i) {
+      const double step = m.speed * seconds / pieces;
+      heading += 0.5 * (step * m.curvature + m.yaw_rate * seconds / pieces);
+      out.push_back(out.back() + step * Eigen::Vector2d(std::cos(heading), std::sin(heading)));
+      heading += 0.5 * (step * m.curvature + m.yaw_rate * seconds / pieces);
+    }
+  }
   return out;
 }
 

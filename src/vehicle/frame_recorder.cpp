@@ -8,6 +8,8 @@
 #include <limits>
 
 #include "terrain/particle_view.h"
+#include "vehicle/vehicle.h"
+#include "wheel/convex.h"
 #include "wheel/wheel.h"
 
 namespace terrode::vehicle {
@@ -63,6 +65,33 @@ FrameSettings frame_settings(const Rig& rig, std::size_t frames) {
   return s;
 }
 
+FrameSettings frame_settings(Vehicle& vehicle, const std::vector<Eigen::Vector2d>& path, double duration,
+                             std::size_t frames) {
+  FrameSettings s;
+  s.interval = std::max(duration / static_cast<double>(std::max<std::size_t>(frames, 1)), vehicle.options().time_step);
+  double reach = 0.0, radius = std::numeric_limits<double>::infinity();
+  for (const VehicleWheelSpec& w : vehicle.spec().wheels) {
+    reach = std::max(reach, w.centre.head<2>().norm() + w.shape.radius + 0.5 * w.shape.width);
+    radius = std::min(radius, w.shape.radius);
+    s.names.push_back(w.name);
+  }
+  for (const BodySpec& b : vehicle.spec().bodies)
+    (b.touches_ground ? s.names.push_back(b.name) : s.boxes.push_back({b.name, &vehicle.body(b.name), b.size}));
+  for (const RockSpec& r : vehicle.options().rocks)
+    if (!r.fixed) s.names.push_back(r.name);
+  s.x_min = s.y_min = std::numeric_limits<double>::infinity();
+  s.x_max = s.y_max = -s.x_min;
+  for (const Eigen::Vector2d& p : path) {
+    s.x_min = std::min(s.x_min, p.x() - 1.3 * reach);
+    s.x_max = std::max(s.x_max, p.x() + 1.3 * reach);
+    s.y_min = std::min(s.y_min, p.y() - 1.3 * reach);
+    s.y_max = std::max(s.y_max, p.y() + 1.3 * reach);
+  }
+  constexpr double kNodesARadius = 12.0, kMostAlong = 400.0;
+  s.spacing = std::max({radius / kNodesARadius, (s.x_max - s.x_min) / kMostAlong, (s.y_max - s.y_min) / kMostAlong});
+  return s;
+}
+
 FrameRecorder::FrameRecorder(const FrameSettings& settings) : settings_(settings) { throw_if_any(settings.validate()); }
 
 void FrameRecorder::lay_out(Simulation& simulation) {
@@ -78,12 +107,22 @@ void FrameRecorder::lay_out(Simulation& simulation) {
         b.grouser_height = w->shape().grousers.height;
         b.grouser_thickness = w->shape().grousers.thickness;
       }
+    } else if (dynamic_cast<const wheel::Sphere*>(&shape) != nullptr) {
+      b.shape = recording::FrameBody::Shape::sphere;
+      b.radius = shape.bounding_radius();
     } else {
       b.shape = recording::FrameBody::Shape::box;
       b.size = Vec3(shape.support(Vec3::UnitX()).x() - shape.support(-Vec3::UnitX()).x(),
                     shape.support(Vec3::UnitY()).y() - shape.support(-Vec3::UnitY()).y(),
                     shape.support(Vec3::UnitZ()).z() - shape.support(-Vec3::UnitZ()).z());
     }
+    layout_.bodies.push_back(std::move(b));
+  }
+  for (const FrameSettings::Box& box : settings_.boxes) {
+    recording::FrameBody b;
+    b.name = box.name;
+    b.shape = recording::FrameBody::Shape::box;
+    b.size = box.size;
     layout_.bodies.push_back(std::move(b));
   }
   recording::FrameGround g;
@@ -139,6 +178,7 @@ void FrameRecorder::observe(double time, Simulation& simulation) {
         }
     }
   }
+  for (const FrameSettings::Box& box : settings_.boxes) frame.bodies.push_back({box.body->pose(), {}});
   if (const auto* view = dynamic_cast<const terrain::ParticleView*>(&simulation.ground())) {
     const std::size_t before = radius_.size();
     radius_.clear();
@@ -196,7 +236,7 @@ void FrameRecorder::take_up(const std::vector<std::uint8_t>& state, Simulation& 
   get(&count, sizeof count);
   get_all(numbers);
   get_all(radius_);
-  const std::size_t bodies = simulation.contacts().size();
+  const std::size_t bodies = simulation.contacts().size() + settings_.boxes.size();
   if (numbers.empty() || count > numbers.size() || numbers.size() != 1 + count * (1 + 13 * bodies)) fail();
   layout_ = {};
   lay_out(simulation);

@@ -17,6 +17,13 @@ struct FrameSettings {
   double x_min = 0.0, x_max = 0.0, y_min = 0.0, y_max = 0.0;  // m, the part of the ground that is kept
   double spacing = 0.005;      // m between its nodes
   std::vector<std::string> names;  // of the bodies on the ground, in their order; missing ones are numbered
+  // Further bodies to be drawn, as boxes: they do not touch the ground.
+  struct Box {
+    std::string name;
+    const multibody::Body* body = nullptr;
+    Vec3 size = Vec3::Zero();  // m
+  };
+  std::vector<Box> boxes;
 
   Problems validate() const;
 };
@@ -24,6 +31,11 @@ struct FrameSettings {
 // The stretch that a rig will drive over, with half a wheel around it, at most 400 nodes along, and about `frames`
 // frames over the whole run.
 FrameSettings frame_settings(const Rig& rig, std::size_t frames);
+
+// The rectangle that holds `path` and a machine about it, at most 400 nodes along its longer side; the machine's bodies
+// and loose rocks.
+class Vehicle;
+FrameSettings frame_settings(Vehicle& vehicle, const std::vector<Eigen::Vector2d>& path, double duration, std::size_t frames);
 
 // Frames are kept in memory until write(): a few hundred thousand numbers each.
 class FrameRecorder {

@@ -1,10 +1,13 @@
+// Building a machine from its description, its commands and its step. How it is run and recorded: vehicle_run.cpp.
 #include "vehicle/vehicle.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <set>
+
+#include "vehicle/vehicle_parts.h"
+#include "wheel/convex.h"
 
 namespace terrode::vehicle {
 
@@ -12,14 +15,13 @@ using multibody::AxisJoint;
 using multibody::Body;
 using multibody::Hinge;
 using multibody::MassProperties;
-using multibody::Motor;
 using multibody::Slider;
 
 namespace {
 
 constexpr double standstill = 1e-9;         // m/s of the rim, below which slip has no meaning
-constexpr double overturned_cos = 0.25;     // of the angle between the machine's up and the ground's
 constexpr double torque_servo_speed = 1e4;  // rad/s no wheel reaches: a motor set to it gives its largest torque
+constexpr int machine_group = 1;            // of collision shapes: parts of the machine do not feel each other
 
 double smooth_step(double u) {
   if (u <= 0.0) return 0.0;
@@ -28,16 +30,7 @@ double smooth_step(double u) {
 }
 
 Problem problem(std::string key, std::string message, std::string expected) {
-  return {{}, 0, 0, std::move(key), std::move(message), std::move(expected)};
-}
-
-void check_spring(Problems& p, const std::string& key, const SpringSpec& s) {
-  require(p, key + ".stiffness", s.stiffness, "N/m or N m/rad", s.stiffness >= 0.0, "0 or more");
-  require(p, key + ".damping", s.damping, "N s/m or N m s/rad", s.damping >= 0.0, "0 or more");
-  require(p, key + ".preload", s.preload, "N or N m", s.stiffness > 0.0 || s.preload == 0.0,
-          "0, or a spring with stiffness");
-  if (!(s.stiffness + s.damping > 0.0))
-    p.push_back(problem(key, "has neither stiffness nor damping", "one of them above 0"));
+  return vehicle_problem(std::move(key), std::move(message), std::move(expected));
 }
 
 void set_spring(AxisJoint& joint, const SpringSpec& s) {
@@ -48,126 +41,7 @@ double torque_per_amp(const DcMotorSpec& m) { return m.efficiency * m.gear * m.t
 
 }  // namespace
 
-// ------------------------------------------------------------------------------------------------------------- specs
-
-double VehicleSpec::mass() const {
-  double m = 0.0;
-  for (const BodySpec& b : bodies) m += b.mass;
-  for (const VehicleWheelSpec& w : wheels)
-    m += w.mass + (w.strut ? w.strut->upright_mass : 0.0) + (w.steering ? w.steering->knuckle_mass : 0.0);
-  return m;
-}
-
-Problems VehicleSpec::validate() const {
-  Problems p;
-  std::set<std::string> names, joint_names;
-  const auto take = [&p](std::set<std::string>& taken, const std::string& key, const std::string& name_) {
-    if (name_.empty())
-      p.push_back(problem(key + ".name", "is empty", "a name"));
-    else if (!taken.insert(name_).second)
-      p.push_back(problem(key + ".name", "'" + name_ + "' is taken", "a name of its own"));
-  };
-  if (bodies.empty()) p.push_back(problem("bodies", "is empty", "at least one body"));
-  for (const BodySpec& b : bodies) {
-    const std::string key = "bodies." + b.name;
-    take(names, key, b.name);
-    require(p, key + ".mass", b.mass, "kg", b.mass > 0.0, "a mass above 0");
-    if (!b.position.allFinite()) p.push_back(problem(key + ".position", "is not finite", "three lengths"));
-    if (!b.inertia && !(b.size.allFinite() && b.size.minCoeff() > 0.0))
-      p.push_back(problem(key + ".size", "has a length of 0 or less", "three lengths above 0"));
-  }
-  if (wheels.empty()) p.push_back(problem("wheels", "is empty", "at least one wheel"));
-  const auto known = [&](const std::string& key, const std::string& name_) {
-    if (names.contains(name_)) return;
-    const std::string near = nearest_word(name_, {names.begin(), names.end()});
-    p.push_back(problem(key, "'" + name_ + "' is not a body", near.empty() ? "the name of a body" : "'" + near + "'"));
-  };
-  const std::set<std::string> body_names = names;
-  for (const VehicleWheelSpec& w : wheels) {
-    const std::string key = "wheels." + w.name;
-    take(names, key, w.name);
-    if (!body_names.contains(w.parent)) known(key + ".parent", w.parent);
-    require(p, key + ".mass", w.mass, "kg", w.mass > 0.0, "a mass above 0");
-    if (!w.centre.allFinite()) p.push_back(problem(key + ".centre", "is not finite", "three lengths"));
-    for (Problem q : w.shape.validate()) {
-      q.key = key + "." + q.key;
-      p.push_back(q);
-    }
-    if (!(w.drive.max_torque >= 0.0))
-      p.push_back(problem(key + ".drive.max_torque", "is below 0", "a torque, 0 or more"));
-    if (w.drive.kind == DriveKind::torque && std::isinf(w.drive.max_torque))
-      p.push_back(problem(key + ".drive.max_torque", "is missing", "the largest torque of a torque drive"));
-    if (w.drive.kind == DriveKind::dc_motor) {
-      const DcMotorSpec& m = w.drive.motor;
-      const std::string at = key + ".drive.motor";
-      require(p, at + ".voltage", m.voltage, "V", m.voltage > 0.0, "a voltage above 0");
-      require(p, at + ".resistance", m.resistance, "Ohm", m.resistance > 0.0, "a resistance above 0");
-      require(p, at + ".torque_constant", m.torque_constant, "N m/A", m.torque_constant > 0.0, "above 0");
-      require(p, at + ".gear", m.gear, "-", m.gear > 0.0, "a ratio above 0");
-      require(p, at + ".efficiency", m.efficiency, "-", m.efficiency > 0.0 && m.efficiency <= 1.0,
-              "above 0, at most 1");
-      require(p, at + ".speed_gain", m.speed_gain, "V s/rad", m.speed_gain >= 0.0, "0 or more");
-      if (!(m.current_limit > 0.0)) p.push_back(problem(at + ".current_limit", "is not above 0", "a current above 0"));
-    }
-    if (w.strut) {
-      check_spring(p, key + ".strut", w.strut->spring);
-      require(p, key + ".strut.upright_mass", w.strut->upright_mass, "kg", w.strut->upright_mass > 0.0, "above 0");
-    }
-    if (w.steering) {
-      const SteeringSpec& s = *w.steering;
-      require(p, key + ".steering.limit", s.limit, "rad", s.limit > 0.0 && s.limit <= M_PI, "above 0, at most pi");
-      require(p, key + ".steering.rate", s.rate, "rad/s", s.rate > 0.0, "above 0");
-      require(p, key + ".steering.response", s.response, "s", s.response > 0.0, "above 0");
-      require(p, key + ".steering.knuckle_mass", s.knuckle_mass, "kg", s.knuckle_mass > 0.0, "above 0");
-    }
-  }
-  for (const JointSpec& j : joints) {
-    const std::string key = "joints." + j.name;
-    take(joint_names, key, j.name);
-    known(key + ".body", j.body);
-    known(key + ".parent", j.parent);
-    if (j.body == j.parent) p.push_back(problem(key, "joins '" + j.body + "' to itself", "two bodies"));
-    if (!j.anchor.allFinite() || !j.anchor_on_parent.allFinite() || !j.axis.allFinite())
-      p.push_back(problem(key, "has a place or axis that is not finite", "finite numbers"));
-    const bool has_axis = j.kind == JointKind::hinge || j.kind == JointKind::slider;
-    if (has_axis && !(j.axis.norm() > 1e-9)) p.push_back(problem(key + ".axis", "is zero", "a direction"));
-    if (j.kind == JointKind::rod && !((j.anchor - j.anchor_on_parent).norm() > 1e-9))
-      p.push_back(problem(key + ".anchor_on_parent", "is where the other end is", "a rod with a length"));
-    if (j.spring && !has_axis)
-      p.push_back(problem(key + ".spring", "stands at a joint without axis", "a hinge or slider"));
-    if (j.spring) check_spring(p, key + ".spring", *j.spring);
-  }
-  if (!hitch.allFinite()) p.push_back(problem("hitch", "is not finite", "three lengths"));
-  return p;
-}
-
-Problems VehicleOptions::validate() const {
-  Problems p;
-  require(p, "options.time_step", time_step, "s", time_step > 0.0 && time_step <= 0.1, "above 0, at most 0.1 s");
-  require(p, "options.sample_interval", sample_interval, "s", sample_interval >= 0.0, "0 or more");
-  require(p, "options.settle_time", settle_time, "s", settle_time > 0.0, "above 0");
-  if (!gravity.allFinite() || !(gravity.z() < 0.0))
-    p.push_back(problem("options.gravity", "does not point down", "a finite vector with z below 0"));
-  require(p, "options.start_x", start_x, "m", true, "a finite position");
-  require(p, "options.start_y", start_y, "m", true, "a finite position");
-  require(p, "options.start_heading", start_heading, "rad", true, "a finite angle");
-  require(p, "options.immobile_time", immobile_time, "s", immobile_time > 0.0, "above 0");
-  require(p, "options.immobile_share", immobile_share, "-", immobile_share >= 0.0 && immobile_share < 1.0, "0 to 1");
-  return p;
-}
-
 // ---------------------------------------------------------------------------------------------------------- building
-
-struct Vehicle::WheelParts {
-  Body* body = nullptr;
-  Hinge* axle = nullptr;
-  Hinge* steering = nullptr;
-  Slider* strut = nullptr;
-  double radius = 0.0;
-  double command = 0.0, target_angle = 0.0, energy = 0.0;
-  double axle_rate = 0.0, steering_rate = 0.0;  // at the step's beginning
-  bool voltage_limited = false;
-};
 
 Vehicle::Vehicle(const VehicleSpec& spec, const VehicleOptions& options, std::unique_ptr<terrain::Terrain> ground)
     : spec_(spec), options_(options), ground_(std::move(ground)) {
@@ -234,14 +108,16 @@ void Vehicle::build() {
       joints_[parts.strut->name()] = parts.strut;
       parent = &upright;
     }
-    if (w.steering) {
+    if (w.steering && w.steering->joint.empty()) {
       Body& knuckle = world_->add_body(w.name + ".knuckle", small_box(w.steering->knuckle_mass), centre);
       parts.steering = &world_->add_hinge(w.name + ".steering", knuckle, parent, centre.p_W, Vec3::UnitZ());
       parts.steering->set_motor({0.0});
       joints_[parts.steering->name()] = parts.steering;
       parent = &knuckle;
     }
-    parts.body = &world_->add_body(w.name, MassProperties::cylinder(w.mass, w.shape.radius, w.shape.width), centre);
+    MassProperties mass = MassProperties::cylinder(w.mass, w.shape.radius, w.shape.width);
+    if (w.inertia) mass.inertia_B = *w.inertia;
+    parts.body = &world_->add_body(w.name, mass, centre);
     bodies_[w.name] = parts.body;
     parts.axle = &world_->add_hinge(w.name + ".axle", *parts.body, parent, centre.p_W, across);
     joints_[parts.axle->name()] = parts.axle;
@@ -277,11 +153,89 @@ void Vehicle::build() {
       sprung_.push_back(sprung);
     }
   }
+  for (std::size_t i = 0; i < wheels_.size(); ++i)
+    if (spec_.wheels[i].steering && !spec_.wheels[i].steering->joint.empty()) {
+      wheels_[i].steering = dynamic_cast<Hinge*>(joints_.at(spec_.wheels[i].steering->joint));
+      wheels_[i].steering->set_motor({0.0});
+    }
+  for (const BodySpec& b : spec_.bodies)
+    if (b.touches_ground) {
+      bellies_.push_back(b.name);
+      simulation_->add(*bodies_.at(b.name), wheel::make_box(b.size.x(), b.size.y(), b.size.z()));
+    }
+  for (const SensorSpec& s : spec_.sensors) {
+    Sensor out;
+    if (s.kind == SensorKind::imu) {
+      out.body = bodies_.at(s.body);
+      const auto at = std::find_if(spec_.bodies.begin(), spec_.bodies.end(),
+                                   [&](const BodySpec& b) { return b.name == s.body; });
+      if (at != spec_.bodies.end()) {
+        out.arm = s.position - at->position;
+      } else {
+        const auto wheel_at = std::find_if(spec_.wheels.begin(), spec_.wheels.end(),
+                                           [&](const VehicleWheelSpec& w) { return w.name == s.body; });
+        out.arm = s.position - wheel_at->centre;
+      }
+    } else {
+      out.joint = joints_.at(s.joint);
+      out.axis = dynamic_cast<AxisJoint*>(out.joint);
+    }
+    sensors_.push_back(out);
+  }
+  place_rocks();
   velocity_before_.resize(world_->bodies().size());
   rate_before_.resize(sprung_.size());
   last_.wheels.resize(wheels_.size());
   last_.pose = chassis_->pose();
   last_.heading = options_.start_heading;
+}
+
+void Vehicle::place_rocks() {
+  if (options_.rocks.empty()) return;
+  multibody::Collisions& collisions = world_->collisions();
+  collisions.set_law(options_.rock_contact);
+  for (const BodySpec& b : spec_.bodies)
+    collisions.add(bodies_.at(b.name), {multibody::ShapeKind::box, 0.0, 0.0, b.size}, {}, machine_group);
+  for (std::size_t i = 0; i < wheels_.size(); ++i) {
+    const wheel::WheelShape& w = spec_.wheels[i].shape;
+    collisions.add(wheels_[i].body, {multibody::ShapeKind::cylinder, w.radius + w.grousers.height, w.width, {}}, {},
+                   machine_group);
+  }
+  Problems p;
+  for (const RockSpec& r : options_.rocks) {
+    for (std::size_t i = 0; i < wheels_.size(); ++i) {
+      const Vec3 at = wheels_[i].body->pose().p_W;
+      if (r.distance(at.x(), at.y()) < wheels_[i].radius)
+        p.push_back(problem("rocks." + r.name, "lies under the wheel '" + spec_.wheels[i].name + "' at the start",
+                            "a place free of the machine"));
+    }
+    // The highest ground under a loose rock, so that it starts above all of it.
+    double level = ground_->undisturbed_height(r.x, r.y);
+    if (!r.fixed)
+      for (int i = 0; i < 8; ++i) {
+        const double a = 0.25 * M_PI * i, d = 0.7 * r.reach();
+        level = std::max(level, ground_->undisturbed_height(r.x + d * std::cos(a), r.y + d * std::sin(a)));
+      }
+    const Pose pose{Vec3(r.x, r.y, level - r.buried + 0.5 * r.height()),
+                    Quat(Eigen::AngleAxisd(r.heading, Vec3::UnitZ()))};
+    const multibody::CollisionShape shape{r.shape, r.radius, 0.0, r.size};
+    if (r.fixed) {
+      collisions.add(nullptr, shape, pose, 0);
+      continue;
+    }
+    if (bodies_.contains(r.name)) {
+      p.push_back(problem("rocks." + r.name + ".name", "is a body of the machine", "a name of its own"));
+      continue;
+    }
+    const bool ball = r.shape == multibody::ShapeKind::sphere;
+    Body& body = world_->add_body(
+        r.name, ball ? MassProperties::sphere(r.mass(), r.radius) : MassProperties::box(r.mass(), r.size), pose);
+    bodies_[r.name] = &body;
+    collisions.add(&body, shape, {}, 0);
+    simulation_->add(body, ball ? std::make_shared<const wheel::Sphere>(r.radius)
+                                : wheel::make_box(r.size.x(), r.size.y(), r.size.z()));
+  }
+  throw_if_any(p);
 }
 
 Body& Vehicle::body(const std::string& name) {
@@ -328,6 +282,7 @@ void Vehicle::drive_path(double speed, double curvature) {
   const bool all = fixed == static_cast<int>(spec_.wheels.size());
   fixed_x = fixed > 0 && !all ? fixed_x / fixed : 0.0;
   commanded_speed_ = speed;
+  commanded_yaw_ = 0.0;
   for (std::size_t i = 0; i < wheels_.size(); ++i) {
     const VehicleWheelSpec& w = spec_.wheels[i];
     const double along = 1.0 - curvature * w.centre.y(), aside = curvature * (w.centre.x() - fixed_x);
@@ -344,6 +299,7 @@ void Vehicle::drive_path(double speed, double curvature) {
 
 void Vehicle::turn_in_place(double yaw_rate) {
   commanded_speed_ = 0.0;
+  commanded_yaw_ = yaw_rate;
   for (std::size_t i = 0; i < wheels_.size(); ++i) {
     const VehicleWheelSpec& w = spec_.wheels[i];
     const double along = -yaw_rate * w.centre.y(), aside = yaw_rate * w.centre.x();
@@ -463,13 +419,37 @@ void Vehicle::advance() {
     s.sinkage = ground_->undisturbed_height(at.p_W.x(), at.p_W.y()) - (at.p_W.z() - w.radius);
     s.steering_angle = w.steering != nullptr ? w.steering->position() : 0.0;
     if (s.sinkage >= w.radius)
-      throw RunError(fmt::format("wheel '{}' at t = {:.6g} s is buried to its axle (sinkage {:.4g} m, radius {:.4g} m)",
-                                 spec_.wheels[i].name, last_.time, s.sinkage, w.radius));
+      throw Buried(fmt::format("wheel '{}' at t = {:.6g} s is buried to its axle (sinkage {:.4g} m, radius {:.4g} m)",
+                               spec_.wheels[i].name, last_.time, s.sinkage, w.radius));
+  }
+  for (Sensor& s : sensors_) {
+    if (s.joint != nullptr) {
+      s.turn_before = s.joint->body().pose().R_WB;
+      if (s.axis != nullptr) s.motion_before = Vec3(s.axis->position(), s.axis->rate(), 0.0);
+      continue;
+    }
+    const Twist u = s.body->twist();
+    s.turn_before = s.body->pose().R_WB;
+    s.spin_before = u.w_W;
+    s.motion_before = u.v_W + u.w_W.cross(s.turn_before * s.arm);
   }
 
   simulation_->step(h);
 
   for (std::size_t i = 0; i < wheels_.size(); ++i) sample(i);
+  for (Sensor& s : sensors_) {
+    const Quat to_body = s.turn_before.conjugate();
+    if (s.joint != nullptr) {
+      const Wrench& load = s.joint->load().on_body;
+      s.force = to_body * load.F_W;
+      s.moment = to_body * load.M_W;
+      continue;
+    }
+    const Twist u = s.body->twist();
+    const Vec3 v = u.v_W + u.w_W.cross(s.body->pose().R_WB * s.arm);
+    s.force = to_body * Vec3((v - s.motion_before) / h - g);
+    s.moment = to_body * s.spin_before;
+  }
   for (std::size_t i = 0; i < bodies.size(); ++i)
     gravity_work_ += 0.5 * h * bodies[i]->mass() * g.dot(velocity_before_[i] + bodies[i]->twist().v_W);
   for (std::size_t i = 0; i < sprung_.size(); ++i)
@@ -489,7 +469,7 @@ void Vehicle::sample(std::size_t i) {
   const VehicleWheelSpec& spec = spec_.wheels[i];
   const Vec3 axle = w.axle->axis();
   const Vec3 along = axle.cross(Vec3::UnitZ()).normalized();
-  const Vec3 F = simulation_->contacts()[i].wrench.F_W;
+  const Vec3 F = simulation_->contacts()[i].wrench.F_W + w.body->contact_load().F_W;  // rocks are ground, too
   s.drawbar_pull = F.dot(along);
   s.lateral_force = F.dot(Vec3::UnitZ().cross(along));
   s.normal_load = F.z();
@@ -517,240 +497,8 @@ VehicleEnergy Vehicle::energy() const {
   e.springs = spring_work_;
   for (const auto& b : world_->bodies()) e.kinetic += b->kinetic_energy();
   for (const GroundContact& c : simulation_->contacts()) e.ground += c.work;
+  e.rocks = world_->collisions().work;
   return e;
-}
-
-// --------------------------------------------------------------------------------------------------------------- runs
-
-namespace {
-
-struct WheelChannel {
-  const char* name;
-  const char* unit;
-  double WheelSample::*field;
-};
-
-constexpr WheelChannel wheel_channels[] = {
-    {"drawbar_pull", "N", &WheelSample::drawbar_pull},
-    {"driving_torque", "N m", &WheelSample::driving_torque},
-    {"sinkage", "m", &WheelSample::sinkage},
-    {"normal_load", "N", &WheelSample::normal_load},
-    {"lateral_force", "N", &WheelSample::lateral_force},
-    {"angular_velocity", "rad/s", &WheelSample::angular_velocity},
-    {"forward_velocity", "m/s", &WheelSample::forward_velocity},
-    {"slip", "", &WheelSample::slip},
-    {"power", "W", &WheelSample::power},
-    {"electric_power", "W", &WheelSample::electric_power},
-    {"energy", "J", &WheelSample::energy},
-    {"steering_angle", "rad", &WheelSample::steering_angle},
-};
-
-struct BodyChannel {
-  const char* name;
-  const char* unit;
-  double (*value)(const VehicleSample&);
-};
-
-constexpr BodyChannel body_channels[] = {
-    {"position_x", "m", [](const VehicleSample& s) { return s.pose.p_W.x(); }},
-    {"position_y", "m", [](const VehicleSample& s) { return s.pose.p_W.y(); }},
-    {"position_z", "m", [](const VehicleSample& s) { return s.pose.p_W.z(); }},
-    {"heading", "rad", [](const VehicleSample& s) { return s.heading; }},
-    {"pitch", "rad", [](const VehicleSample& s) { return s.pitch; }},
-    {"roll", "rad", [](const VehicleSample& s) { return s.roll; }},
-    {"forward_velocity", "m/s", [](const VehicleSample& s) { return s.speed; }},
-    {"yaw_rate", "rad/s", [](const VehicleSample& s) { return s.twist.w_W.z(); }},
-    {"travel", "m", [](const VehicleSample& s) { return s.travel; }},
-    {"hitch_pull", "N", [](const VehicleSample& s) { return s.hitch_pull; }},
-    {"power", "W",
-     [](const VehicleSample& s) {
-       double p = 0.0;
-       for (const WheelSample& w : s.wheels) p += w.power;
-       return p;
-     }},
-};
-
-}  // namespace
-
-std::string Vehicle::immobile_reason() const {
-  int driven = 0, spinning = 0, limited = 0;
-  for (std::size_t i = 0; i < wheels_.size(); ++i) {
-    if (spec_.wheels[i].drive.kind == DriveKind::free) continue;
-    ++driven;
-    if (last_.wheels[i].slip > 0.8) ++spinning;
-    if (last_.wheels[i].limited && std::abs(last_.wheels[i].angular_velocity) < 0.1 * std::abs(wheels_[i].command))
-      ++limited;
-  }
-  if (2 * limited > driven) return "its motors stall at their limit";
-  if (2 * spinning > driven) return "its wheels spin: the soil's shear strength is used up";
-  return "its wheels neither spin nor stall: it is held by its load or by an obstacle";
-}
-
-recording::Run Vehicle::empty_run() const {
-  recording::Run run;
-  for (const BodyChannel& c : body_channels) run.channels.push_back({c.name, c.unit, {}});
-  for (const VehicleWheelSpec& w : spec_.wheels)
-    for (const WheelChannel& c : wheel_channels) run.channels.push_back({w.name + "_" + c.name, c.unit, {}});
-  return run;
-}
-
-recording::Run Vehicle::run(Controller& controller, double duration, const Progress& progress) {
-  if (!(duration > 0.0) || !std::isfinite(duration))
-    throw InputError(problem("duration", fmt::format("is {:.6g} s", duration), "a finite time above 0"));
-  settle(progress);
-  const double h = options_.time_step;
-  const auto block = static_cast<std::size_t>(std::max(1.0, std::round(options_.sample_interval / h)));
-  const auto samples = static_cast<std::size_t>(duration / h / static_cast<double>(block)) + 2;
-
-  const bool resumed = !run_.channels.empty();
-  if (!resumed) {
-    run_ = empty_run();
-    course_ = {};
-    course_.mark_time = time();
-  }
-  recording::Run& run = run_;
-  run.time.reserve(samples);
-  for (recording::Channel& c : run.channels) c.values.reserve(samples);
-  std::vector<double> sums(run.channels.size());
-  auto& [n, mark_time, commanded, covered, ended] = course_;
-  const auto steps = static_cast<std::size_t>(std::llround(duration / h));
-  while (n < steps && !ended) {
-    if (progress.stop_requested()) throw Interrupted(fmt::format("stopped at t = {:.6g} s", time()));
-    std::fill(sums.begin(), sums.end(), 0.0);
-    double time_sum = 0.0;
-    std::size_t taken = 0;
-    for (; taken < block && n < steps && !ended; ++taken, ++n) {
-      controller.command(*this);
-      if (controller.finished(*this)) {
-        ended = true;
-        break;
-      }
-      step();
-      time_sum += last_.time;
-      std::size_t k = 0;
-      for (const BodyChannel& c : body_channels) sums[k++] += c.value(last_);
-      for (const WheelSample& w : last_.wheels)
-        for (const WheelChannel& c : wheel_channels) sums[k++] += w.*c.field;
-      commanded += h * std::abs(commanded_speed_);
-      covered += h * std::copysign(last_.speed, last_.speed * commanded_speed_);
-      if ((last_.pose.R_WB * Vec3::UnitZ()).z() < overturned_cos) {
-        events_.push_back(fmt::format("overturned at t = {:.6g} s", last_.time));
-        ended = true;
-      } else if (last_.time - mark_time >= options_.immobile_time) {
-        if (commanded > 0.0 && covered < options_.immobile_share * commanded) {
-          events_.push_back(
-              fmt::format("immobilised at t = {:.6g} s: {:.3g} m covered of {:.3g} m driven in {:.3g} s; {}",
-                          last_.time, covered, commanded, last_.time - mark_time, immobile_reason()));
-          ended = true;
-        }
-        mark_time = last_.time;
-        commanded = covered = 0.0;
-      }
-    }
-    if (taken == 0) break;
-    const double scale = 1.0 / static_cast<double>(taken);
-    run.time.push_back(time_sum * scale);
-    for (std::size_t k = 0; k < sums.size(); ++k) run.channels[k].values.push_back(sums[k] * scale);
-    if (observer_) observer_(*this);
-    progress.report(static_cast<double>(n) / static_cast<double>(steps), spec_.name);
-  }
-  return std::move(run_);
-}
-
-recording::Checkpoint Vehicle::checkpoint(const Controller& controller) const {
-  recording::Checkpoint c;
-  const VehicleState state = snapshot(&controller);
-  c.numbers["world"] = state.simulation.world;
-  c.numbers["contacts"] = state.simulation.contacts;
-  c.numbers["vehicle"] = state.numbers;
-  c.numbers["controller"] = state.controller;
-  c.numbers["course"] = {static_cast<double>(course_.steps), course_.mark_time, course_.commanded, course_.covered,
-                         course_.ended ? 1.0 : 0.0};
-  c.bytes["ground"] = state.simulation.ground;
-  c.put_samples(run_);
-  return c;
-}
-
-void Vehicle::resume(const recording::Checkpoint& c, Controller& controller) {
-  recording::Run run = empty_run();
-  c.take_samples(run);
-  const std::vector<double>& course = c.number("course");
-  if (course.size() != 5) throw InputError(problem("checkpoint", "is of another machine", "one of " + spec_.name));
-  restore({{c.number("world"), c.byte("ground"), c.number("contacts")}, c.number("vehicle"), c.number("controller")},
-          &controller);
-  course_ = {static_cast<std::size_t>(course[0]), course[1], course[2], course[3], course[4] != 0.0};
-  run_ = std::move(run);
-}
-
-double Vehicle::remaining_pull(double rate, double largest) {
-  Problems p;
-  require(p, "remaining_pull.rate", rate, "N/s", rate > 0.0, "above 0");
-  require(p, "remaining_pull.largest", largest, "N", largest > 0.0, "above 0");
-  throw_if_any(p);
-  settle();
-  const VehicleState before = snapshot();
-  const VehicleSample sample_before = last_;
-  const double pull_before = hitch_pull_, h = options_.time_step;
-  // What the wheels gave over a quarter second is the pull plus mass times acceleration: the machine's own inertia
-  // still holds some pull after its wheels no longer do.
-  const auto window = static_cast<std::size_t>(std::max(1.0, std::round(0.25 / h)));
-  const double seconds = static_cast<double>(window) * h, mass = spec_.mass();
-  double found = 0.0;
-  try {
-    while (hitch_pull_ - pull_before < largest) {
-      const Vec3 from = chassis_->pose().p_W, v0 = chassis_->twist().v_W;
-      const Vec3 heading = chassis_->pose().R_WB * Vec3::UnitX();
-      double pull = 0.0;
-      for (std::size_t k = 0; k < window; ++k) {
-        hitch_pull_ += rate * h;
-        step();
-        pull += (hitch_pull_ - pull_before) / static_cast<double>(window);
-      }
-      found = std::max(found, pull + mass * (chassis_->twist().v_W - v0).dot(heading) / seconds);
-      if ((chassis_->pose().p_W - from).dot(heading) < 0.05 * commanded_speed_ * seconds) break;
-    }
-  } catch (const RunError&) {
-    // It dug itself in: what it held until then counts.
-  }
-  found = std::min(found, largest);
-  restore(before);
-  last_ = sample_before;
-  return found;
-}
-
-VehicleState Vehicle::snapshot(const Controller* controller) const {
-  VehicleState s;
-  s.simulation = simulation_->snapshot();
-  s.numbers = {settled_ ? 1.0 : 0.0, zero_time_,    travel_,     commanded_speed_, hitch_pull_,
-               drive_work_,          gravity_work_, hitch_work_, spring_work_,     last_.heading};
-  for (const WheelParts& w : wheels_) s.numbers.insert(s.numbers.end(), {w.command, w.target_angle, w.energy});
-  if (controller != nullptr) s.controller = controller->state();
-  return s;
-}
-
-void Vehicle::restore(const VehicleState& state, Controller* controller) {
-  if (state.numbers.size() != 10 + 3 * wheels_.size())
-    throw InputError(problem("snapshot", "is of another machine", "one of " + spec_.name));
-  simulation_->restore(state.simulation);
-  const double* s = state.numbers.data();
-  settled_ = s[0] != 0.0;
-  zero_time_ = s[1];
-  travel_ = s[2];
-  commanded_speed_ = s[3];
-  hitch_pull_ = s[4];
-  drive_work_ = s[5];
-  gravity_work_ = s[6];
-  hitch_work_ = s[7];
-  spring_work_ = s[8];
-  last_.heading = s[9];
-  s += 10;
-  for (WheelParts& w : wheels_) {
-    w.command = s[0];
-    w.target_angle = s[1];
-    w.energy = s[2];
-    s += 3;
-  }
-  if (controller != nullptr) controller->set_state(state.controller);
 }
 
 }  // namespace terrode::vehicle

@@ -13,6 +13,7 @@
 // suspension. Time zero is after that.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <map>
@@ -24,18 +25,21 @@
 #include "core/progress.h"
 #include "recording/checkpoint.h"
 #include "recording/recording.h"
+#include "multibody/collisions.h"
+#include "vehicle/rocks.h"
 #include "vehicle/simulation.h"
 #include "wheel/wheel.h"
 
 namespace terrode::vehicle {
 
-// A rigid body; a box of `size` gives its inertia unless that is given.
+// A rigid body; a box of `size` gives its inertia unless that is given, and is what touches rocks.
 struct BodySpec {
   std::string name;
   double mass = 0.0;                // kg
   Vec3 position = Vec3::Zero();     // m, centre of mass
   Vec3 size = Vec3(0.1, 0.1, 0.1);  // m
   std::optional<Mat3> inertia;      // kg m2 about the centre of mass, machine axes
+  bool touches_ground = false;      // its box presses on the ground too: a belly that hangs up
 };
 
 struct SpringSpec {
@@ -84,12 +88,14 @@ struct DriveSpec {
   DcMotorSpec motor;
 };
 
-// Position servo about z: turns at (target - angle)/response, at most `rate`.
+// Position servo about z: turns at (target - angle)/response, at most `rate`. Without `joint` a knuckle of knuckle_mass
+// turns at the wheel's centre; with it, that hinge of the machine (whose body is the wheel's parent) is the steering.
 struct SteeringSpec {
   double limit = 1.0;         // rad, largest angle to either side
   double rate = 0.5;          // rad/s
   double response = 0.2;      // s
   double knuckle_mass = 0.5;  // kg
+  std::string joint;
 };
 
 struct StrutSpec {
@@ -102,10 +108,28 @@ struct VehicleWheelSpec {
   std::string parent;
   Vec3 centre = Vec3::Zero();  // m
   double mass = 1.0;           // kg
+  std::optional<Mat3> inertia; // kg m2, machine axes; else of a full cylinder
   wheel::WheelShape shape;
   DriveSpec drive;
   std::optional<StrutSpec> strut;
   std::optional<SteeringSpec> steering;
+};
+
+// What the machine measures of itself; channels are named <sensor>_<quantity>, means over a sample. `noise` is the
+// deviation of a normal error on every channel, in its SI unit, a new one each sample.
+//   imu          at `position` on `body`, body axes: acceleration_x/_y/_z less gravity [m/s2], angular_velocity_x/_y/_z
+//   encoder      position and rate of a hinge or slider (`joint`; a wheel's are <wheel>.axle, .steering, .strut)
+//   joint_load   what the joint exerts on its body, body axes, moment about its centre of mass: force_x/_y/_z [N],
+//                moment_x/_y/_z [N m]
+enum class SensorKind { imu, encoder, joint_load };
+
+struct SensorSpec {
+  std::string name;
+  SensorKind kind = SensorKind::imu;
+  std::string body;              // imu
+  Vec3 position = Vec3::Zero();  // m, machine frame, imu
+  std::string joint;             // encoder, joint_load
+  double noise = 0.0;
 };
 
 struct VehicleSpec {
@@ -113,6 +137,7 @@ struct VehicleSpec {
   std::vector<BodySpec> bodies;  // the first is the one whose motion is the machine's
   std::vector<JointSpec> joints;
   std::vector<VehicleWheelSpec> wheels;
+  std::vector<SensorSpec> sensors;
   Vec3 hitch = Vec3::Zero();  // m, where a drawbar load pulls at the first body
 
   double mass() const;  // kg, uprights, knuckles and wheels included
@@ -130,6 +155,14 @@ struct VehicleOptions {
   // Immobilised: over this time the machine has moved on by less than this share of what it was driven to.
   double immobile_time = 5.0;  // s
   double immobile_share = 0.02;
+  // Mobility margin every so often during run(); 0: never. Pull and rate of its ramp: 0 stands for the machine's weight
+  // and a tenth of it a second.
+  double margin_interval = 0.0;  // s
+  double margin_largest = 0.0;   // N
+  double margin_rate = 0.0;      // N/s
+  std::vector<RockSpec> rocks;
+  multibody::ContactLaw rock_contact;
+  std::uint64_t seed = 1;  // of sensor noise
   Problems validate() const;
 };
 
@@ -169,8 +202,19 @@ struct VehicleEnergy {
   double springs = 0.0;  // J that springs and dampers gave (their stored energy counts negative)
   double kinetic = 0.0;  // J, gain
   double ground = 0.0;   // J, work done on the ground
-  double residual() const { return drives + gravity + hitch + springs - kinetic - ground; }
+  double rocks = 0.0;    // J, spent between wheels, bodies and rocks
+  double residual() const { return drives + gravity + hitch + springs - kinetic - ground - rocks; }
 };
+
+// How much more the machine could pull, at a moment of a run.
+struct MarginSample {
+  double time = 0.0;    // s
+  double travel = 0.0;  // m
+  double pull = 0.0;    // N
+  bool at_least = false;  // the ramp ended before the machine did
+};
+
+enum class RunEnd { none, duration, controller, immobilised, overturned };
 
 class Vehicle;
 
@@ -217,21 +261,27 @@ class Vehicle {
 
   // Runs until the controller has finished, `duration` [s] is over, the machine is immobilised or overturned.
   recording::Run run(Controller& controller, double duration, const Progress& progress = {});
-  // The samples that run() has taken until now: all there is when it throws.
+  // Why a run ended early, or what else there is to say.
+  const std::vector<std::string>& events() const { return events_; }
+  RunEnd end() const { return end_; }
+  // The samples that the present or last run() has taken until now: all there is when it throws.
   const recording::Run& so_far() const { return run_; }
+  // The motion of every body that belongs to the machine and of every loose rock, with the same times: position, unit
+  // quaternion, velocity, angular velocity.
+  const std::vector<recording::Run>& body_runs() const { return body_runs_; }
+  const std::vector<MarginSample>& margins() const { return margins_; }
   // Called by run() after every sample, between steps. It must change nothing.
   void set_observer(std::function<void(Vehicle&)> observer) { observer_ = std::move(observer); }
   // Between two samples of run() (in the observer): machine, ground, controller and samples. A machine of the same make
-  // that is set to it goes on with run() bit for bit. resume() throws InputError for a state of another machine.
+  // that is set to it and given the rest of the time goes on bit for bit. resume() throws InputError for a state of
+  // another machine.
   recording::Checkpoint checkpoint(const Controller& controller) const;
   void resume(const recording::Checkpoint& checkpoint, Controller& controller);
-  // Why a run ended early, or what else there is to say.
-  const std::vector<std::string>& events() const { return events_; }
 
   // Mobility margin: largest further resisting pull [N] at the hitch that the wheels hold, driven as they are now, up
   // to `largest`. Found by a pull that rises at `rate` [N/s] until the machine makes no more way; everything is as
-  // before afterwards. The pull in force counts as zero.
-  double remaining_pull(double rate, double largest);
+  // before afterwards. The pull in force counts as zero. `held` tells whether it held the largest.
+  double remaining_pull(double rate, double largest, bool* held = nullptr);
 
   VehicleEnergy energy() const;
   const VehicleSpec& spec() const { return spec_; }
@@ -252,7 +302,12 @@ class Vehicle {
   void advance();
   void sample(std::size_t wheel);
   std::string immobile_reason() const;
-  recording::Run empty_run() const;
+  bool immobilised();
+  void place_rocks();
+  void begin_recording(std::size_t samples);
+  void add_motions();
+  void add_measures();
+  void keep_sample(double sample_time, std::size_t steps);
 
   VehicleSpec spec_;
   VehicleOptions options_;
@@ -273,14 +328,30 @@ class Vehicle {
   std::vector<double> rate_before_;
   VehicleSample last_;
   std::vector<std::string> events_;
-  // How far run() is, and what it watches to know a machine that makes no way.
-  struct Course {
-    std::size_t steps = 0;
-    double mark_time = 0.0, commanded = 0.0, covered = 0.0;
-    bool ended = false;
+  RunEnd end_ = RunEnd::none;
+
+  // Sensors, with what they need of the step's beginning.
+  struct Sensor {
+    multibody::Body* body = nullptr;
+    Vec3 arm = Vec3::Zero();  // of an imu, body axes
+    multibody::Joint* joint = nullptr;
+    multibody::AxisJoint* axis = nullptr;
+    Vec3 motion_before = Vec3::Zero(), spin_before = Vec3::Zero();  // of an imu; an encoder's position and rate
+    Quat turn_before = Quat::Identity();
+    Vec3 force = Vec3::Zero(), moment = Vec3::Zero();  // of the last step; of an imu acceleration and angular velocity
   };
-  Course course_;
-  recording::Run run_;
+  std::vector<Sensor> sensors_;
+  std::vector<std::string> bellies_;  // bodies that touch the ground, in the order of the simulation's contacts
+
+  double commanded_yaw_ = 0.0;
+  // Immobilisation: over the last `window_` seconds, what was driven and what was covered [m].
+  double window_ = 0.0, commanded_ = 0.0, covered_ = 0.0;
+  recording::Run run_;    // since the last run() began
+  bool resumed_ = false;  // run() adds to it
+  std::vector<recording::Run> body_runs_;
+  std::vector<const multibody::Body*> recorded_bodies_;
+  std::vector<MarginSample> margins_;
+  std::vector<double> sums_;
   std::function<void(Vehicle&)> observer_;
 };
 

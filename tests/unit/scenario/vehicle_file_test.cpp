@@ -2,6 +2,10 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
 
 #include "vehicle/machines.h"
 
@@ -96,10 +100,108 @@ TEST(VehicleFile, DriveRunsFromItsFile) {
   EXPECT_GT(sinkage.back(), 1e-3);
 }
 
+TEST(VehicleFile, ReadsGroundsGravityAndRocks) {
+  const DriveScenario d = parse_drive(robot(R"(
+surface:
+  - {kind: slope, angle: 0.1}
+  - {kind: step, at: 1 m, height: 5 cm, run: 10 mm}
+soil_map:
+  - {x0: 2, y0: -1, x1: 3, y1: 1, soil: {bekker: {k: 1e5 Pa}}}
+gravity: moon
+rocks:
+  - {radius: 10 cm, x: 2 m}
+rock_field: {count: 5, x0: 1, y0: -2, x1: 6, y1: 2, seed: 4}
+mobility_margin: {every: 2 s}
+script: [{duration: 1, speed: 0.1}]
+)"),
+                                      "drive.yaml");
+  ASSERT_NE(d.surface, nullptr);
+  EXPECT_NEAR(d.surface->height(0.5, 0.0), 0.5 * std::tan(0.1), 1e-12);
+  EXPECT_NEAR(d.surface->height(1.005, 0.0), 1.005 * std::tan(0.1) + 0.025, 1e-12);
+  EXPECT_NEAR(d.surface->gradient(1.005, 0.0).x(), std::tan(0.1) + 5.0, 1e-9);
+  ASSERT_EQ(d.soil_map.size(), 1u);
+  EXPECT_EQ(d.soil_map[0].soil.k, 1e5);
+  EXPECT_EQ(d.soil_map[0].soil.n, 1.387);  // the rest is that of the scenario
+  EXPECT_DOUBLE_EQ(d.options.gravity.z(), -1.62);
+  EXPECT_EQ(d.options.rocks.size(), 6u);
+  EXPECT_EQ(d.options.margin_interval, 2.0);
+  EXPECT_THAT(d.base.notes, testing::Contains(testing::HasSubstr("stay as given")));
+}
+
+TEST(VehicleFile, SoilMeasuredOnEarthIsScaledWhereAsked) {
+  const DriveScenario d = parse_drive(
+      robot("gravity: mars\nsoil_measured_at: earth\nterrain: {node_spacing: 20 mm}\nscript: [{duration: 1, speed: 0.1}]\n"),
+      "drive.yaml");
+  ASSERT_EQ(d.base.effects.size(), 1u);
+  EXPECT_EQ(d.base.effects[0].parameters.at("g"), 3.71);
+  EXPECT_THAT(d.base.notes, testing::Contains(testing::HasSubstr("scales k")));
+  // k and the load shrink alike: the robot sinks as on Earth.
+  const DriveScenario home = parse_drive(robot("terrain: {node_spacing: 20 mm}\nscript: [{duration: 1, speed: 0.1}]\n"), "drive.yaml");
+  const double there = run_drive(d).run.find("front_left_sinkage")->values.back();
+  const double here = run_drive(home).run.find("front_left_sinkage")->values.back();
+  EXPECT_NEAR(there, here, 0.1 * here);  // but for cohesion, which helps at a small load
+}
+
+TEST(VehicleFile, ResumedRunGoesOnToTheBit) {
+  const std::string text = robot(R"(
+terrain: {node_spacing: 20 mm}
+surface: {kind: fractal, rms_height: 5 mm}
+rocks: [{radius: 4 cm, x: 0.5}]
+path: {waypoints: [[0, 0], [1, 0], [2, 1]], speed: 0.3}
+duration: 2 s
+)");
+  const DriveScenario d = parse_drive(text, "drive.yaml");
+  const std::string file = (std::filesystem::temp_directory_path() / ("terrode_state_" + std::to_string(getpid()) + ".h5")).string();
+  DriveRun whole(d), first(d), second(d);
+  whole.run(2.0);
+  first.run(1.0);
+  recording::write_atomically(file, false, [&](recording::Hdf5File& f) { first.save(f); });
+  second.resume(recording::Hdf5File::open(file));
+  second.run(2.0);
+  const recording::Run all = whole.result().run, rest = second.result().run;
+  const std::size_t skipped = all.time.size() - rest.time.size();
+  EXPECT_EQ(rest.time.size(), 50u);
+  for (const recording::Channel& c : all.channels) {
+    const std::vector<double> tail(c.values.begin() + static_cast<std::ptrdiff_t>(skipped), c.values.end());
+    EXPECT_EQ(tail, rest.find(c.name)->values) << c.name;
+  }
+  const DriveScenario other = parse_drive(text + "\n", "drive.yaml");
+  DriveRun wrong(other);
+  EXPECT_THROW(wrong.resume(recording::Hdf5File::open(file)), InputError);
+  std::filesystem::remove(file);
+}
+
+TEST(VehicleFile, MarginsAreTakenAndChangeNothing) {
+  const std::string text = robot("terrain: {node_spacing: 20 mm}\nscript: [{duration: 1.5, speed: 0.2}]\n");
+  const DriveResult plain = run_drive(parse_drive(text, "d.yaml"));
+  const DriveResult r = run_drive(parse_drive(text + "mobility_margin: {every: 0.5 s, rate: 200 N/s}\n", "d.yaml"));
+  ASSERT_EQ(r.margins.size(), 3u);
+  for (const auto& m : r.margins) {
+    EXPECT_GT(m.pull, 0.3 * 25.0 * 9.81);  // tan(phi) = 0.69 less compaction
+    EXPECT_LT(m.pull, 0.69 * 25.0 * 9.81);
+  }
+  EXPECT_EQ(r.run.find("position_x")->values, plain.run.find("position_x")->values);
+  EXPECT_EQ(r.bodies.size(), 5u);
+}
+
+TEST(VehicleFile, ReadyScenariosAreRight) {
+  for (const char* name : {"rover", "robot", "car", "towed", "moon", "urdf"}) {
+    const DriveScenario d = load_drive(std::string(TERRODE_SOURCE_DIR) + "/scenarios/" + name + ".yaml");
+    EXPECT_FALSE(d.machine.wheels.empty()) << name;
+    EXPECT_GT(d.planned_path().size(), 1u) << name;
+  }
+}
+
 TEST(VehicleFile, WrongDrivesAreRefused) {
   EXPECT_THROW(parse_drive(robot(""), "d.yaml"), InputError);
   EXPECT_THROW(parse_drive(robot("script:\n  - {speed: 1}\n"), "d.yaml"), InputError);
   EXPECT_THROW(parse_drive(robot("script:\n  - {duration: 1, sped: 1}\n"), "d.yaml"), InputError);
+  EXPECT_THROW(parse_drive(robot("gravity: venus\nscript: [{duration: 1}]\n"), "d.yaml"), InputError);
+  EXPECT_THROW(parse_drive(robot("ground: rigid\nsurface: {kind: slope, angle: 0.1}\nscript: [{duration: 1}]\n"), "d.yaml"),
+               InputError);
+  EXPECT_THROW(parse_drive(robot("rocks: [{radius: -1, x: 2}]\nscript: [{duration: 1}]\n"), "d.yaml"), InputError);
+  EXPECT_THROW(parse_drive(robot("soil_map: [{x0: 0, x1: 0, y0: 0, y1: 1, soil: {}}]\nscript: [{duration: 1}]\n"), "d.yaml"),
+               InputError);
   EXPECT_THROW(parse_drive("vehicle: skid-steer\nscript: [{duration: 1}]\n", "d.yaml"), InputError);
   EXPECT_THROW(parse_drive(robot("path: {waypoints: [[1, 2, 3]]}\n"), "d.yaml"), InputError);
   EXPECT_THROW(parse_drive(robot("surface: {kind: png, file: none.png, cell: 1, white: 1}\nscript: [{duration: 1}]\n"),
