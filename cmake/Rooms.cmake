@@ -66,10 +66,10 @@ function(terrode_add_tests)
       terrode_test_program(${ring}_${room}_long "${long_sources}" "long;${ring};${room}" ${room})
     endforeach()
   endforeach()
-  if(TARGET unit_core)
-    string(REPLACE ";" " " arrows "${arrows}")
-    target_compile_definitions(unit_core PRIVATE TERRODE_ARROWS="${arrows}")
-  endif()
+  # Of that file alone: a definition of the whole program would keep the others from its precompiled headers.
+  string(REPLACE ";" " " arrows "${arrows}")
+  set_source_files_properties(${PROJECT_SOURCE_DIR}/tests/unit/core/architecture_test.cpp PROPERTIES
+    COMPILE_DEFINITIONS "TERRODE_ARROWS=\"${arrows}\"")
 endfunction()
 
 function(terrode_test_program target sources labels room)
@@ -83,6 +83,15 @@ function(terrode_test_program target sources labels room)
     TERRODE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" TERRODE_BINARY_DIR="${CMAKE_BINARY_DIR}"
     TERRODE_PROGRAM="${CMAKE_BINARY_DIR}/terrode")
   target_link_libraries(${target} PRIVATE terrode_${room} GTest::gtest GTest::gmock GTest::gtest_main)
+  # The first test program reads Google Test's headers, the others take what it read.
+  get_property(first GLOBAL PROPERTY TERRODE_FIRST_TEST)
+  if(first)
+    target_precompile_headers(${target} REUSE_FROM ${first})
+  else()
+    set_property(GLOBAL PROPERTY TERRODE_FIRST_TEST ${target})
+    target_precompile_headers(${target} PRIVATE <gtest/gtest.h> <gmock/gmock.h> <algorithm> <cmath> <filesystem> <fstream>
+      <functional> <string> <vector>)
+  endif()
   if(room STREQUAL "cli" AND TARGET terrode_program)
     add_dependencies(${target} terrode_program)
   endif()

@@ -4,7 +4,7 @@
 #include <gsl/gsl_cdf.h>
 #include <gsl/gsl_sf_gamma.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -12,6 +12,7 @@
 
 #include "analysis/autoregression.h"
 #include "analysis/steady_state.h"
+#include "core/linear_algebra.h"
 #include "core/parallel.h"
 #include "core/statistics.h"
 
@@ -567,12 +568,12 @@ void fit_rate(LineTrack& track, const std::vector<ChannelSpectrum>& runs, double
   // With one wheel rate alone a constant cannot be told from the wheel's share; where it is not needed it only adds scatter.
   const auto fit = [&](Eigen::Index columns) {
     const Eigen::MatrixXd M = A.leftCols(columns);
-    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(M, Eigen::ComputeThinU | Eigen::ComputeThinV);
-    const auto& sv = svd.singularValues();
+    const LeastSquaresSolution solution = solve_least_squares(M, b);
+    const Eigen::VectorXd& sv = solution.singular_values;
     if (!(sv(columns - 1) > 1e-3 * sv(0))) return;
-    const Eigen::VectorXd x = svd.solve(b);
+    const Eigen::VectorXd& x = solution.x;
     const double scatter = n > columns ? (M * x - b).squaredNorm() / static_cast<double>(n - columns) : 1.0;
-    const Eigen::MatrixXd covariance = (M.transpose() * M).inverse() * std::max(scatter, 1.0);
+    const Eigen::MatrixXd covariance = inverse(M.transpose() * M) * std::max(scatter, 1.0);
     track.has_fit = true;
     track.by_wheel = x(0);
     track.by_slip = x(1);
@@ -831,7 +832,7 @@ std::optional<Resonance> resonance_near(const EvenSeries& series, double frequen
       moments(i, j) = moments(j, i) = sum;
     }
   for (Eigen::Index m = 2; m <= highest; m += 2) {
-    const Eigen::VectorXd a = moments.block(1, 1, m, m).ldlt().solve(moments.block(1, 0, m, 1));
+    const Eigen::VectorXd a = solve_symmetric(moments.block(1, 1, m, m), moments.block(1, 0, m, 1));
     const double error = moments(0, 0) - a.dot(moments.block(1, 0, m, 1).col(0));
     const double n = static_cast<double>(rows), k = static_cast<double>(m) + 1.0;
     const double score = n * std::log(std::max(error, 1e-14 * moments(0, 0))) + 2.0 * k * n / std::max(n - k - 1.0, 1.0);
@@ -845,7 +846,7 @@ std::optional<Resonance> resonance_near(const EvenSeries& series, double frequen
   Eigen::MatrixXd companion = Eigen::MatrixXd::Zero(p, p);
   for (Eigen::Index i = 0; i < p; ++i) companion(0, i) = coefficients(i);
   for (Eigen::Index i = 1; i < p; ++i) companion(i, i - 1) = 1.0;
-  const Eigen::VectorXcd poles = Eigen::EigenSolver<Eigen::MatrixXd>(companion, false).eigenvalues();
+  const Eigen::VectorXcd poles = eigenvalues(companion);
   std::optional<Resonance> best;
   for (Eigen::Index i = 0; i < p; ++i) {
     if (poles(i).imag() <= 0.0) continue;

@@ -4,12 +4,12 @@
 #include <gsl/gsl_errno.h>
 #include <gsl/gsl_multifit_nlinear.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <memory>
 
+#include "core/linear_algebra.h"
 #include "core/problem.h"
 
 namespace terrode::calibration {
@@ -175,10 +175,10 @@ Eigen::MatrixXd inverse_of_symmetric(const Eigen::MatrixXd& matrix, double relat
   Eigen::VectorXd scale(n);
   for (Eigen::Index i = 0; i < n; ++i) scale[i] = matrix(i, i) > 0 ? 1.0 / std::sqrt(matrix(i, i)) : 1.0;
   const Eigen::MatrixXd scaled = scale.asDiagonal() * matrix * scale.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(0.5 * (scaled + scaled.transpose()));
-  const double floor = relative * std::max(1e-300, eigen.eigenvalues().maxCoeff());
-  const Eigen::VectorXd inverse = eigen.eigenvalues().cwiseMax(floor).cwiseInverse();
-  return scale.asDiagonal() * (eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose()) * scale.asDiagonal();
+  const SymmetricEigen eigen = symmetric_eigen(0.5 * (scaled + scaled.transpose()));
+  const double floor = relative * std::max(1e-300, eigen.values.maxCoeff());
+  const Eigen::VectorXd inverse = eigen.values.cwiseMax(floor).cwiseInverse();
+  return scale.asDiagonal() * (eigen.vectors * inverse.asDiagonal() * eigen.vectors.transpose()) * scale.asDiagonal();
 }
 
 }  // namespace terrode::calibration

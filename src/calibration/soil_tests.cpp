@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -12,6 +12,7 @@
 
 #include "bekker/steady_wheel.h"
 #include "calibration/least_squares.h"
+#include "core/linear_algebra.h"
 
 namespace terrode::calibration {
 namespace {
@@ -180,9 +181,9 @@ Eigen::Index family_size(const Family& family) {
 }
 
 Eigen::Matrix2d positive_part(const Eigen::Matrix2d& m) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(0.5 * (m + m.transpose()));
-  const Vector2d values = eigen.eigenvalues().cwiseMax(0.0);
-  return eigen.eigenvectors() * values.asDiagonal() * eigen.eigenvectors().transpose();
+  const SymmetricEigen eigen = symmetric_eigen(0.5 * (m + m.transpose()));
+  const Vector2d values = eigen.values.cwiseMax(0.0);
+  return eigen.vectors * values.asDiagonal() * eigen.vectors.transpose();
 }
 
 // Minimises over all tests and finds the covariance described at the top of the header.

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -11,6 +11,7 @@
 
 #include "analysis/steady_state.h"
 #include "calibration/least_squares.h"
+#include "core/linear_algebra.h"
 #include "core/parallel.h"
 #include "core/random.h"
 
@@ -105,7 +106,7 @@ struct Problem_ {
     const double nu = prior.degrees_of_freedom;
     covariance *= nu > 2.5 ? nu / (nu - 2) : 5.0;
     const MatrixXd precision = inverse_of_symmetric(covariance);
-    prior_root.push_back(Eigen::LLT<MatrixXd>(precision).matrixL().transpose());
+    prior_root.push_back(cholesky(precision).lower.transpose());
     prior_mean.push_back(mean);
     prior_index.push_back(mine);
     prior_count += mean.size();

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -198,22 +197,22 @@ void calibrate(const Arguments& a, Common& common) {
 
 }  // namespace
 
-void add_calibrate(CLI::App& app, Common& common) {
-  CLI::App* command = app.add_subcommand("calibrate", "soil parameters from soil tests and wheel runs, with covariances; writes a soil file");
+void add_calibrate(Command& app, Common& common) {
+  Command* command = app.add_subcommand("calibrate", "soil parameters from soil tests and wheel runs, with covariances; writes a soil file");
   const auto a = std::make_shared<Arguments>();
   const std::vector<std::string> targets = {"soil_tests", "wheel", "all"};
   const std::vector<std::string> weightings = {"absolute", "relative"};
   command->add_option("RECORDING", a->recording, "recording: a folder or its recording.yaml")->required()->type_name("");
-  command->add_option("--to", a->to, "soil_tests, wheel or all (default: what the recording holds)")->check(CLI::IsMember(targets))->type_name("WHAT");
+  command->add_option("--to", a->to, "soil_tests, wheel or all (default: what the recording holds)")->check(is_member(targets))->type_name("WHAT");
   command->add_option("-o,--output", a->output, "soil file (YAML) to write")->type_name("FILE");
-  command->add_option("--weighting", a->weighting, "of soil tests: absolute (squares of stress) or relative (each test counts alike)")->check(CLI::IsMember(weightings))->type_name("HOW");
+  command->add_option("--weighting", a->weighting, "of soil tests: absolute (squares of stress) or relative (each test counts alike)")->check(is_member(weightings))->type_name("HOW");
   command->add_option("--min-depth", a->min_depth, "leave out what a plate did before this sinkage")->type_name("LENGTH");
   command->add_option("--max-depth", a->max_depth, "leave out what a plate did beyond this sinkage")->type_name("LENGTH");
   command->add_option("--max-shear", a->max_shear, "leave out what a shear test did beyond this displacement")->type_name("LENGTH");
   command->add_option("--plate-width", a->plate_width, "width that k refers to (default: the widest plate)")->type_name("LENGTH");
   command->add_option("--free", a->free, "parameters fitted to the wheel: cohesion, friction_angle, shear_modulus, k, n, a0, a1, theta_r")->delimiter(',')->type_name("NAMES");
-  command->add_option("--starts", a->starts, "starting points of the wheel fit (default: 24)")->check(CLI::Range(1, 10000))->type_name("N");
-  command->add_option("--confidence", a->confidence, "of intervals (default: 0.95)")->check(CLI::Range(0.01, 0.9999))->type_name("P");
+  command->add_option("--starts", a->starts, "starting points of the wheel fit (default: 24)")->check(range(1, 10000))->type_name("N");
+  command->add_option("--confidence", a->confidence, "of intervals (default: 0.95)")->check(range(0.01, 0.9999))->type_name("P");
   command->add_flag("--no-priors", a->no_priors, "with --to all: fit the wheel without the soil tests");
   command->add_flag("--no-profiles", a->no_profiles, "intervals of the wheel fit from standard errors (faster)");
   common.words["calibrate --to"] = targets;

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -556,8 +555,8 @@ void calibrate_dem(const Arguments& a, Common& common) {
 
 }  // namespace
 
-void add_calibrate_dem(CLI::App& app, Common& common) {
-  CLI::App* command = app.add_subcommand("calibrate-dem", "grain parameters whose simulated soil tests match the measured ones; resumable");
+void add_calibrate_dem(Command& app, Common& common) {
+  Command* command = app.add_subcommand("calibrate-dem", "grain parameters whose simulated soil tests match the measured ones; resumable");
   const auto a = std::make_shared<Arguments>();
   static const std::vector<std::string> searches = {"surrogate", "random", "simplex"};
   command->add_option("RECORDING", a->recording, "recording with direct shear and pressure-sinkage tests")->type_name("");
@@ -567,18 +566,18 @@ void add_calibrate_dem(CLI::App& app, Common& common) {
   command->add_option("--set", a->fixed, "value of a parameter that is not free")->type_name("NAME=VALUE");
   command->add_option("--evaluations", a->evaluations, "how many for each bed (default: 40, and 12 for each dearer bed)")->delimiter(',')->type_name("LIST");
   command->add_option("--grains", a->grains, "grain diameters across the narrowest plate, one number for each bed, cheap to dear (default: 5)")->delimiter(',')->type_name("LIST");
-  command->add_option("--beds", a->beds, "beds of different seeds that one evaluation averages (default: 1)")->check(CLI::Range(1, 1000))->type_name("N");
-  command->add_option("--batch", a->batch, "evaluations asked for at a time (default: 4)")->check(CLI::Range(1, 256))->type_name("N");
-  command->add_option("--confirm", a->confirmations, "of the evaluations, those that repeat the place found with new beds (default: a fifth, at most 4)")->check(CLI::Range(0, 1000))->type_name("N");
-  command->add_option("--search", a->search, "surrogate, or for comparison random or simplex")->check(CLI::IsMember(searches))->type_name("HOW");
-  command->add_option("--shear-weight", a->shear_weight, "of direct shear in the misfit, from 0 to 1 (default: 0.5)")->check(CLI::Range(0.0, 1.0))->type_name("W");
+  command->add_option("--beds", a->beds, "beds of different seeds that one evaluation averages (default: 1)")->check(range(1, 1000))->type_name("N");
+  command->add_option("--batch", a->batch, "evaluations asked for at a time (default: 4)")->check(range(1, 256))->type_name("N");
+  command->add_option("--confirm", a->confirmations, "of the evaluations, those that repeat the place found with new beds (default: a fifth, at most 4)")->check(range(0, 1000))->type_name("N");
+  command->add_option("--search", a->search, "surrogate, or for comparison random or simplex")->check(is_member(searches))->type_name("HOW");
+  command->add_option("--shear-weight", a->shear_weight, "of direct shear in the misfit, from 0 to 1 (default: 0.5)")->check(range(0.0, 1.0))->type_name("W");
   command->add_option("--box", a->box, "side of the simulated shear box (default: 1.2 widths of the narrowest plate, else 60 mm)")->type_name("LENGTH");
   command->add_option("--max-depth", a->max_depth, "leave out what a plate did beyond this sinkage")->type_name("LENGTH");
   command->add_option("--max-shear", a->max_shear, "leave out what a shear test did beyond this displacement")->type_name("LENGTH");
   command->add_option("--shear-rate", a->shear_rate, "of the simulated shear test")->type_name("SPEED");
   command->add_option("--plate-rate", a->plate_rate, "of the simulated plate")->type_name("SPEED");
   command->add_option("--bulk-density", a->bulk_density, "of the bed (default: the recording's, else 1600 kg/m^3)")->type_name("DENSITY");
-  command->add_option("--confidence", a->confidence, "of intervals (default: 0.95)")->check(CLI::Range(0.01, 0.9999))->type_name("P");
+  command->add_option("--confidence", a->confidence, "of intervals (default: 0.95)")->check(range(0.01, 0.9999))->type_name("P");
   command->add_flag("--overwrite", a->overwrite, "begin anew in a folder that holds another search");
   command->add_option("--evaluate", a->evaluate, "")->group("");
   common.words["calibrate-dem --search"] = searches;

@@ -34,7 +34,7 @@
 
 namespace terrode::cli {
 
-#define TERRODE_DECLARE(name) void add_##name(CLI::App& app, Common& common);
+#define TERRODE_DECLARE(name) void add_##name(Command& app, Common& common);
 TERRODE_COMMANDS(TERRODE_DECLARE)
 #undef TERRODE_DECLARE
 
@@ -46,6 +46,22 @@ std::string quoted(const std::string& word) {
   std::string out = "'";
   for (const char c : word) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
   return out + "'";
+}
+
+// CLI11's message with the nearest known option or command added where one was mistyped.
+std::string command_line_error(const CLI::App& app, const std::string& message) {
+  std::vector<std::string> known;
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) known.push_back(command->get_name());
+  for (const CLI::App* command : app.get_subcommands())
+    for (const CLI::Option* option : command->get_options())
+      for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+  const std::size_t colon = message.rfind(": ");
+  if (message.find("not expected") == std::string::npos || colon == std::string::npos) return message;
+  std::string word = message.substr(colon + 2);
+  if (const std::size_t dash = word.find("--"); dash != std::string::npos) word = word.substr(dash);
+  word = word.substr(0, word.find_first_of(" ="));
+  const std::string near = nearest_word(word, known);
+  return near.empty() || near == word ? message : fmt::format("{} (did you mean '{}'?)", message, near);
 }
 
 void say(const Common& common, const Problems& problems, const std::string& what) {
@@ -64,24 +80,24 @@ int flushed(int status) {
 
 }  // namespace
 
-void add_common(CLI::App& command, Common& common, bool with_report) {
+void add_common(Command& command, Common& common, bool with_report) {
   command.add_flag("--json", common.json, "one JSON document on standard output");
   command.add_option("-j,--threads", common.threads, "number of threads (default: all cores)")
-      ->check(CLI::Range(0, 1024))
+      ->check(range(0, 1024))
       ->type_name("N");
-  CLI::Option* seed = command.add_option("--seed", common.seed, "seed of everything random (default: the scenario's, else 1)")
-                          ->check(CLI::Range(0ul, 2147483647ul))
+  Option* seed = command.add_option("--seed", common.seed, "seed of everything random (default: the scenario's, else 1)")
+                          ->check(range(0, 2147483647))
                           ->type_name("N");
   command.add_flag("--quiet", common.quiet, "no progress and no notes");
   if (with_report)
     command.add_option("--report", common.report, "write a report page to this HTML file")->type_name("FILE.html");
-  command.parse_complete_callback([seed, &common] { common.seed_option = seed; });
+  command.parse_complete([seed, &common] { common.seed_option = seed; });
 }
 
-void build(CLI::App& app, Common& common) {
-  app.set_version_flag("--version", std::string("terrode ") + version() + " (" + commit() + ")");
-  app.require_subcommand(1);
-  app.footer("Exit status: 0 done, 1 the work failed, 2 the input or the command line is wrong, 130 interrupted.");
+void build(Command& app, Common& common) {
+  app.app().set_version_flag("--version", std::string("terrode ") + version() + " (" + commit() + ")");
+  app.app().require_subcommand(1);
+  app.app().footer("Exit status: 0 done, 1 the work failed, 2 the input or the command line is wrong, 130 interrupted.");
 #define TERRODE_ADD(name) add_##name(app, common);
   TERRODE_COMMANDS(TERRODE_ADD)
 #undef TERRODE_ADD
@@ -92,7 +108,8 @@ int run(int argc, char** argv) {
   Common common;
   common.command_line = "terrode";
   for (int i = 1; i < argc; ++i) common.command_line += " " + quoted(argv[i]);
-  build(app, common);
+  Command root(app);
+  build(root, common);
   catch_interrupts();
   try {
     app.parse(argc, argv);

@@ -1,6 +1,6 @@
 // The commands of `terrode`: one file each in this room, one line each in the list of commands.cpp.
 //
-// A command file defines `void add_NAME(CLI::App& app, Common& common)`: it makes the subcommand, its options, and a
+// A command file defines `void add_NAME(Command& app, Common& common)`: it makes the subcommand, its options, and a
 // callback that does the work. The callback throws InputError (exit status 2), RunError (1) or Interrupted (130), or
 // sets common.status; results go to standard output, everything else to standard error (terminal.h).
 #pragma once
@@ -9,10 +9,7 @@
 #include <string>
 #include <vector>
 
-namespace CLI {
-class App;
-class Option;
-}
+#include "cli/arguments.h"
 
 namespace terrode::cli {
 
@@ -24,7 +21,7 @@ struct Common {
   bool quiet = false;        // no progress, no notes
   std::string report;        // --report FILE.html, for commands with a picture
 
-  CLI::Option* seed_option = nullptr;  // of the command that runs: whether --seed was given
+  Option* seed_option = nullptr;  // of the command that runs: whether --seed was given
   int status = 0;            // exit status of a command that ends without an exception
   std::string command_line;  // as typed, for reports and result files
 
@@ -33,10 +30,10 @@ struct Common {
 };
 
 // Adds the common options to a subcommand (with --report only where `with_report`).
-void add_common(CLI::App& command, Common& common, bool with_report);
+void add_common(Command& command, Common& common, bool with_report);
 
-// The whole command line, unparsed; `common` must outlive it.
-void build(CLI::App& app, Common& common);
+// The whole command line, unparsed; `app` and `common` must outlive the parsing.
+void build(Command& app, Common& common);
 
 // Builds the command line, runs the command named, returns the exit status: 0 done, 1 the work failed, 2 input wrong,
 // 130 interrupted.

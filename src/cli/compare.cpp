@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -246,15 +245,15 @@ void run_compare(const Request& request, Common& common) {
 
 }  // namespace
 
-void add_compare(CLI::App& app, Common& common) {
-  CLI::App* command = app.add_subcommand("compare", "a result and a recording side by side, channel by channel, with an objective rating");
+void add_compare(Command& app, Common& common) {
+  Command* command = app.add_subcommand("compare", "a result and a recording side by side, channel by channel, with an objective rating");
   const auto r = std::make_shared<Request>();
   command->add_option("RESULT", r->result, "result file of sweep or run (or another recording)")->required()->type_name("");
   command->add_option("RECORDING", r->recording, "recording: folder, recording.yaml or one of its tables")->required()->type_name("");
   command->add_option("--method", r->method, "which method of the result file (default: all)")->type_name("NAME");
   command->add_option("--channel", r->options.channels, "only these channels")->type_name("NAME");
   command->add_option("--columns", r->columns, "YAML file that says what the columns of a bare table mean")->type_name("FILE");
-  command->add_option("--slip-tolerance", r->options.slip_tolerance, "slips this near are the same (default: 0.005)")->check(CLI::Range(0.0, 1.0))->type_name("S");
+  command->add_option("--slip-tolerance", r->options.slip_tolerance, "slips this near are the same (default: 0.005)")->check(range(0.0, 1.0))->type_name("S");
   add_common(*command, common, true);
   command->callback([r, &common] { run_compare(*r, common); });
 }

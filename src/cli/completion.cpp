@@ -27,7 +27,8 @@ std::string joined(const std::vector<std::string>& words) {
 std::string bash_completion() {
   CLI::App app{"", "terrode"};
   Common common;
-  build(app, common);
+  Command root(app);
+  build(root, common);
   std::string names, cases, values;
   for (const CLI::App* command : commands_of(app)) {
     names += (names.empty() ? "" : " ") + command->get_name();
@@ -90,7 +91,8 @@ std::string troff(const std::string& text) {
 std::string manual() {
   CLI::App app{"predicts how a wheel pulls, sinks and takes torque on deformable soil", "terrode"};
   Common common;
-  build(app, common);
+  Command root(app);
+  build(root, common);
   std::string out = fmt::format(".TH TERRODE 1 \"\" \"terrode {}\" \"User Commands\"\n.SH NAME\nterrode \\- {}\n", version(),
                                 troff(app.get_description()));
   out += ".SH SYNOPSIS\n.B terrode\n.I COMMAND\n[\\fIARGUMENTS\\fR] [\\fIOPTIONS\\fR]\n.SH COMMANDS\n";
@@ -113,18 +115,18 @@ std::string manual() {
 
 }  // namespace
 
-void add_completion(CLI::App& app, Common& common) {
-  CLI::App* command = app.add_subcommand("completion", "print the shell completion: source <(terrode completion bash)");
+void add_completion(Command& app, Common& common) {
+  Command* command = app.add_subcommand("completion", "print the shell completion: source <(terrode completion bash)");
   const auto shell = std::make_shared<std::string>();
   const std::vector<std::string> shells = {"bash"};
-  command->add_option("SHELL", *shell, "bash")->required()->check(CLI::IsMember(shells))->type_name("");
+  command->add_option("SHELL", *shell, "bash")->required()->check(is_member(shells))->type_name("");
   common.words["completion SHELL"] = shells;
   add_common(*command, common, false);
   command->callback([shell] { std::fputs(bash_completion().c_str(), stdout); });
 }
 
-void add_man(CLI::App& app, Common& common) {
-  CLI::App* command = app.add_subcommand("man", "print the manual page: terrode man | man -l -");
+void add_man(Command& app, Common& common) {
+  Command* command = app.add_subcommand("man", "print the manual page: terrode man | man -l -");
   add_common(*command, common, false);
   command->callback([] { std::fputs(manual().c_str(), stdout); });
 }

@@ -1,7 +1,6 @@
 // `terrode converge`: repeats one operating point while one numerical choice is refined, and says what is converged.
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -261,26 +260,26 @@ void converge(const Arguments& arguments, Common& common) {
 
 }  // namespace
 
-void add_converge(CLI::App& app, Common& common) {
-  CLI::App* command =
+void add_converge(Command& app, Common& common) {
+  Command* command =
       app.add_subcommand("converge", "repeat a run while refining one numerical choice; value and cost at each, order of convergence");
   const auto a = std::make_shared<Arguments>();
   const std::vector<std::string> over = {"time_step", "node_spacing", "domain", "particles", "coupling"};
   command->add_option("SCENARIO", a->scenario, "scenario file, or a recording")->required()->type_name("");
   command->add_option("--over", a->over, "what to refine: time_step, node_spacing, domain, particles, coupling")
       ->required()
-      ->check(CLI::IsMember(over))
+      ->check(is_member(over))
       ->type_name("CHOICE");
   command->add_option("--method", a->method, "the method to study (default: node-spring)")
-      ->check(CLI::IsMember(scenario::method_names()))
+      ->check(is_member(scenario::method_names()))
       ->type_name("NAME");
   command->add_option("--slip", a->slip, "slip, by the convention of the scenario (default: the rig's)")->type_name("S");
   command->add_option("--from", a->from, "coarsest value, SI (default: from the scenario's own)")
-      ->check(CLI::PositiveNumber)
+      ->check(positive_number())
       ->type_name("X");
-  command->add_option("--levels", a->levels, "how many values (default: 5)")->check(CLI::Range(3, 12))->type_name("N");
+  command->add_option("--levels", a->levels, "how many values (default: 5)")->check(range(3, 12))->type_name("N");
   command->add_option("--tolerance", a->tolerance, "what counts as converged, relative (default: 0.01)")
-      ->check(CLI::Range(1e-9, 1.0))
+      ->check(range(1e-9, 1.0))
       ->type_name("X");
   add_common(*command, common, false);
   common.words["converge --over"] = over;

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -360,9 +359,9 @@ void diagnose_command(const Arguments& a, Common& common) {
 
 }  // namespace
 
-void add_diagnose(CLI::App& app, Common& common) {
+void add_diagnose(Command& app, Common& common) {
   auto a = std::make_shared<Arguments>();
-  CLI::App* command = app.add_subcommand("diagnose", "where simulation and recording part, what physics was left out, and what modelling it gains");
+  Command* command = app.add_subcommand("diagnose", "where simulation and recording part, what physics was left out, and what modelling it gains");
   command->add_option("RECORDING", a->recording, "a recording (folder or recording.yaml), or a scenario with measured points")->required();
   command->add_option("--scenario", a->scenario, "wheel and believed soil from this scenario instead");
   command->add_option("-o,--output", a->folder, "folder for diagnosis.json, report.html and corrected.yaml")->required();

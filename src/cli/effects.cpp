@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
 
@@ -105,8 +104,8 @@ void list(const std::string& id, bool markdown, const Common& common) {
 
 }  // namespace
 
-void add_effects(CLI::App& app, Common& common) {
-  CLI::App* command = app.add_subcommand("effects", "the missing-physics parts: law, parameters, fingerprint, source");
+void add_effects(Command& app, Common& common) {
+  Command* command = app.add_subcommand("effects", "the missing-physics parts: law, parameters, fingerprint, source");
   const auto id = std::make_shared<std::string>();
   const auto markdown = std::make_shared<bool>(false);
   command->add_option("ID", *id, "one effect in full; none: a table of all")->type_name("");

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -56,12 +55,12 @@ void export_vtk(const Arguments& a, const Common& common) {
 
 }  // namespace
 
-void add_export(CLI::App& app, Common& common) {
-  CLI::App* command = app.add_subcommand("export", "a result for spreadsheets (csv), its frames for ParaView (vtk)");
+void add_export(Command& app, Common& common) {
+  Command* command = app.add_subcommand("export", "a result for spreadsheets (csv), its frames for ParaView (vtk)");
   const auto a = std::make_shared<Arguments>();
   const std::vector<std::string> formats = {"csv", "vtk"};
   command->add_option("RESULT", a->result, "result file (HDF5)")->required()->type_name("");
-  command->add_option("--to", a->format, "csv, vtk")->required()->check(CLI::IsMember(formats))->type_name("FORMAT");
+  command->add_option("--to", a->format, "csv, vtk")->required()->check(is_member(formats))->type_name("FORMAT");
   command->add_option("-o,--output", a->output, "file to write (default: csv to standard output, vtk beside the result with .pvd)")->type_name("FILE");
   common.words["export --to"] = formats;
   add_common(*command, common, false);

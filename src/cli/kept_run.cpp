@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <filesystem>
 
 #include "cli/terminal.h"
@@ -12,11 +11,11 @@ namespace terrode::cli {
 
 namespace fs = std::filesystem;
 
-void add_kept_run(CLI::App& command, KeptRunOptions& options) {
+void add_kept_run(Command& command, KeptRunOptions& options) {
   command.add_option("-o,--output", options.output, "result file (HDF5); a run that was cut off goes on from what is in it")
       ->type_name("OUT.h5");
   command.add_option("--checkpoint", options.seconds, "write the result file anew every so many seconds (default: 30)")
-      ->check(CLI::Range(0.0, 1e9))
+      ->check(range(0.0, 1e9))
       ->type_name("SECONDS");
   command.add_flag("--overwrite", options.overwrite, "begin anew where the result file holds an unfinished run");
 }

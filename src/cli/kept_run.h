@@ -10,10 +10,6 @@
 #include "recording/checkpoint.h"
 #include "recording/result_file.h"
 
-namespace CLI {
-class App;
-}
-
 namespace terrode::cli {
 
 // -o FILE, --checkpoint SECONDS, --overwrite.
@@ -22,7 +18,7 @@ struct KeptRunOptions {
   double seconds = 30.0;
   bool overwrite = false;
 };
-void add_kept_run(CLI::App& command, KeptRunOptions& options);
+void add_kept_run(Command& command, KeptRunOptions& options);
 
 // Appends the samples that `all` has more than `out`.
 void add_new_samples(const recording::Run& all, recording::Run& out);

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -325,8 +324,8 @@ std::optional<double> quantity(const std::string& text, const char* unit, const 
 
 }  // namespace
 
-void add_oscillation(CLI::App& app, Common& common) {
-  CLI::App* command = app.add_subcommand("oscillation", "spectrum of recordings or results: their lines and what they are locked to");
+void add_oscillation(Command& app, Common& common) {
+  Command* command = app.add_subcommand("oscillation", "spectrum of recordings or results: their lines and what they are locked to");
   const auto r = std::make_shared<Request>();
   struct Texts {
     std::string radius, omega, speed, slip, from, to;
@@ -341,11 +340,11 @@ void add_oscillation(CLI::App& app, Common& common) {
   command->add_option("--angular-velocity", t->omega, "wheel rate of a bare table without that channel")->type_name("RATE");
   command->add_option("--forward-velocity", t->speed, "speed of a bare table without that channel")->type_name("SPEED");
   command->add_option("--slip", t->slip, "slip of a bare table, s = 1 - v/(omega r)")->type_name("SLIP");
-  command->add_option("--grousers", t->grousers, "number of lugs where the file does not say")->check(CLI::Range(0, 10000))->type_name("N");
+  command->add_option("--grousers", t->grousers, "number of lugs where the file does not say")->check(range(0, 10000))->type_name("N");
   command->add_option("--from", t->from, "begin of the window (default: where the run is steady)")->type_name("TIME");
   command->add_option("--to", t->to, "end of the window")->type_name("TIME");
-  command->add_option("--highest", r->lines.highest, "highest frequency [Hz] (default: 0.45 of the sampling rate)")->check(CLI::NonNegativeNumber)->type_name("HZ");
-  command->add_option("--false-alarm", r->lines.false_alarm, "probability that a channel of noise shows a line (default: 0.01)")->check(CLI::Range(1e-12, 0.5))->type_name("P");
+  command->add_option("--highest", r->lines.highest, "highest frequency [Hz] (default: 0.45 of the sampling rate)")->check(non_negative_number())->type_name("HZ");
+  command->add_option("--false-alarm", r->lines.false_alarm, "probability that a channel of noise shows a line (default: 0.01)")->check(range(1e-12, 0.5))->type_name("P");
   add_common(*command, common, true);
   command->callback([r, t, &common] {
     r->help.radius = quantity(t->radius, "m", "--radius");

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
 #include <functional>
@@ -186,21 +185,21 @@ void run(const Arguments& a, Common& common) {
 
 }  // namespace
 
-void add_run(CLI::App& app, Common& common) {
-  CLI::App* command = app.add_subcommand("run", "simulate a scenario as a time series: one run of the single-wheel rig, a vehicle, or soil tests on particles");
+void add_run(Command& app, Common& common) {
+  Command* command = app.add_subcommand("run", "simulate a scenario as a time series: one run of the single-wheel rig, a vehicle, or soil tests on particles");
   const auto a = std::make_shared<Arguments>();
   command->add_option("SCENARIO", a->scenario, "scenario file of a rig or a vehicle, or a recording")->required()->type_name("");
   command->add_option("--method", a->method, "node-spring, dem, mpi (default: the scenario's first that simulates in time)")
-      ->check(CLI::IsMember(scenario::method_names()))
+      ->check(is_member(scenario::method_names()))
       ->type_name("NAME");
   command->add_option("--slip", a->slip, "slip in place of rig.slip, by the convention of the scenario")->type_name("SLIP");
   add_kept_run(*command, a->kept);
   command->add_option("--frames", a->frames, "keep about N pictures of the run in the result file, for view and export --to vtk")
-      ->check(CLI::Range(1, 100000))
+      ->check(range(1, 100000))
       ->type_name("N");
   command->add_option("--csv", a->csv, "write the time series, or the curves of soil tests, to this file")->type_name("FILE.csv");
   command->add_option("--soil", a->soil, "write the soil fitted to soil tests on particles to this file")->type_name("FILE.yaml");
-  command->add_option("--until", a->until, "vehicles: stop at this time [s], before the scenario's end")->check(CLI::PositiveNumber)->type_name("T");
+  command->add_option("--until", a->until, "vehicles: stop at this time [s], before the scenario's end")->check(positive_number())->type_name("T");
   command->add_option("--state", a->state, "vehicles: write the state at the end to this file, for --resume")->type_name("FILE.h5");
   command->add_option("--resume", a->resume, "vehicles: go on from a state, to the bit as if never stopped")->type_name("FILE.h5");
   add_common(*command, common, true);

@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
 
@@ -8,11 +7,11 @@
 
 namespace terrode::cli {
 
-void add_schema(CLI::App& app, Common& common) {
-  CLI::App* command = app.add_subcommand("schema", "print the JSON Schema of a scenario, a recording or soil tests on particles, for editors");
+void add_schema(Command& app, Common& common) {
+  Command* command = app.add_subcommand("schema", "print the JSON Schema of a scenario, a recording or soil tests on particles, for editors");
   const auto what = std::make_shared<std::string>("scenario");
   const std::vector<std::string> kinds = {"scenario", "recording", "particle_tests"};
-  command->add_option("KIND", *what, "what to describe (default: scenario)")->check(CLI::IsMember(kinds))->type_name("");
+  command->add_option("KIND", *what, "what to describe (default: scenario)")->check(is_member(kinds))->type_name("");
   common.words["schema KIND"] = kinds;
   add_common(*command, common, false);
   command->callback([what] {

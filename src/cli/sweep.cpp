@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -262,13 +261,13 @@ void sweep(const Arguments& arguments, Common& common) {
 
 }  // namespace
 
-void add_sweep(CLI::App& app, Common& common) {
-  CLI::App* command = app.add_subcommand("sweep", "slip sweep of a rig by one or several methods, side by side; resumable");
+void add_sweep(Command& app, Common& common) {
+  Command* command = app.add_subcommand("sweep", "slip sweep of a rig by one or several methods, side by side; resumable");
   const auto a = std::make_shared<Arguments>();
   command->add_option("SCENARIO", a->scenario, "scenario file, or a recording")->required()->type_name("");
   command->add_option("--method", a->methods, "steady, node-spring, dem, mpi; several joined by commas")
       ->delimiter(',')
-      ->check(CLI::IsMember(scenario::method_names()))
+      ->check(is_member(scenario::method_names()))
       ->type_name("LIST");
   command->add_option("--slip", a->slips, "slips, by the convention of the scenario: 0,0.1,0.3 or FROM:TO:STEP")->type_name("LIST");
   command->add_option("-o,--output", a->output, "result file (HDF5); points that are in it already are not computed again")
@@ -276,7 +275,7 @@ void add_sweep(CLI::App& app, Common& common) {
   command->add_option("--csv", a->csv, "write the table to this file")->type_name("FILE.csv");
   command->add_option("--figure", a->figure, "draw drawbar pull to this file, torque and sinkage beside it")->type_name("FILE.svg");
   command->add_option("--checkpoint", a->seconds, "write the result file (default: every 3 s) and unfinished points (30 s) anew every so many seconds")
-      ->check(CLI::Range(0.0, 1e9))
+      ->check(range(0.0, 1e9))
       ->type_name("SECONDS");
   command->add_flag("--overwrite", a->overwrite, "replace a result file of another scenario");
   add_common(*command, common, true);

@@ -6,7 +6,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
@@ -170,21 +169,6 @@ void write_text_atomically(const std::string& path, const std::string& text) {
     unlink(temporary.c_str());
     throw fail("cannot be replaced");
   }
-}
-
-std::string command_line_error(const CLI::App& app, const std::string& message) {
-  std::vector<std::string> known;
-  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) known.push_back(command->get_name());
-  for (const CLI::App* command : app.get_subcommands())
-    for (const CLI::Option* option : command->get_options())
-      for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
-  const std::size_t colon = message.rfind(": ");
-  if (message.find("not expected") == std::string::npos || colon == std::string::npos) return message;
-  std::string word = message.substr(colon + 2);
-  if (const std::size_t dash = word.find("--"); dash != std::string::npos) word = word.substr(dash);
-  word = word.substr(0, word.find_first_of(" ="));
-  const std::string near = nearest_word(word, known);
-  return near.empty() || near == word ? message : fmt::format("{} (did you mean '{}'?)", message, near);
 }
 
 std::string aligned(const std::vector<std::vector<std::string>>& rows) {

@@ -39,9 +39,6 @@ bool interrupted();
 // Writes a text file in one step: to a name beside it, then renamed. Throws RunError, the old file then untouched.
 void write_text_atomically(const std::string& path, const std::string& text);
 
-// CLI11's message with the nearest known option or command added where one was mistyped.
-std::string command_line_error(const CLI::App& app, const std::string& message);
-
 // A table for people: columns aligned, the first row its head. Numbers go to the right.
 std::string aligned(const std::vector<std::vector<std::string>>& rows);
 

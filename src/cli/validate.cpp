@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -87,8 +86,8 @@ void validate(const std::vector<std::string>& files, Common& common) {
 
 }  // namespace
 
-void add_validate(CLI::App& app, Common& common) {
-  CLI::App* command = app.add_subcommand("validate", "check scenarios and recordings; print every problem with its place");
+void add_validate(Command& app, Common& common) {
+  Command* command = app.add_subcommand("validate", "check scenarios and recordings; print every problem with its place");
   const auto files = std::make_shared<std::vector<std::string>>();
   command->add_option("FILE", *files, "scenarios, recordings (a folder or its recording.yaml)")->required()->type_name("");
   add_common(*command, common, false);

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -42,8 +41,8 @@ void view(const Arguments& a, const Common& common) {
 
 }  // namespace
 
-void add_view(CLI::App& app, Common& common) {
-  CLI::App* command = app.add_subcommand("view", "a self-contained page that plays a run in 3-D");
+void add_view(Command& app, Common& common) {
+  Command* command = app.add_subcommand("view", "a self-contained page that plays a run in 3-D");
   const auto a = std::make_shared<Arguments>();
   command->add_option("RESULT", a->result, "result file (HDF5) with frames")->required()->type_name("");
   command->add_option("-o,--output", a->output, "page to write (default: the result's name with .html)")->type_name("FILE.html");

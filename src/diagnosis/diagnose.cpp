@@ -3,13 +3,13 @@
 #include <fmt/format.h>
 #include <gsl/gsl_cdf.h>
 
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <set>
 
+#include "core/linear_algebra.h"
 #include "core/parallel.h"
 #include "core/random.h"
 
@@ -181,8 +181,7 @@ struct Projected {
 
   Projected(const Model& m, const Tried& t) : model(m) {
     const Eigen::MatrixXd j = m.jacobian(t.hypothesis, t.fit);
-    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(j);
-    q = qr.householderQ() * Eigen::MatrixXd::Identity(j.rows(), j.cols());
+    q = orthonormal_columns(j);
     r = m.residuals(t.hypothesis, t.fit);
   }
 
@@ -472,7 +471,7 @@ class Diagnoser {
     for (Eigen::Index a = 0; a < n; ++a)
       for (Eigen::Index b = 0; b < n; ++b) c(a, b) = directions[static_cast<std::size_t>(a)].dot(directions[static_cast<std::size_t>(b)]);
     c.diagonal().array() += 1e-9;
-    const Eigen::MatrixXd l = Eigen::LLT<Eigen::MatrixXd>(c).matrixL();
+    const Eigen::MatrixXd l = cholesky(c).lower;
     Random random(options_.seed);
     std::vector<double> top;
     for (int i = 0; i < 4000; ++i) {

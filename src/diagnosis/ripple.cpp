@@ -2,12 +2,13 @@
 
 #include <gsl/gsl_fft_real.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <numbers>
 
+#include "core/linear_algebra.h"
 #include "core/statistics.h"
 
 namespace terrode::diagnosis {
@@ -58,7 +59,7 @@ bool spectrum_of(const Campaign& c, const RunData& run, double run_in_length, Sp
     }
     if (!whole) continue;
     if (ch == 1) out.rim_force = std::abs(y.mean()) / c.wheel.radius;
-    y -= a * (a.transpose() * a).ldlt().solve(a.transpose() * y);
+    y -= a * solve_symmetric(a.transpose() * a, a.transpose() * y);
     std::vector<double> padded(size, 0.0);
     double window_sum = 0;
     for (std::size_t i = 0; i < n; ++i) {
