@@ -14,7 +14,7 @@ namespace {
 
 using terrain::Surface;
 
-void take(double& out, const std::optional<double>& value) {
+void set_if(double& out, const std::optional<double>& value) {
   if (value) out = *value;
 }
 
@@ -90,10 +90,10 @@ std::shared_ptr<const Surface> read_part(const Node& node, const std::string& ke
       out = std::make_shared<Step>(at, height, run, map.number("azimuth", "rad").value_or(0.0));
     } else if (kind == "fractal") {
       terrain::FractalParams p;
-      take(p.rms_height, map.number("rms_height", "m", at_least(0)));
-      take(p.hurst, map.number("hurst", "-", {0, 1, true, false}));
-      take(p.longest, map.number("longest", "m", above(0)));
-      take(p.shortest, map.number("shortest", "m", above(0)));
+      set_if(p.rms_height, map.number("rms_height", "m", at_least(0)));
+      set_if(p.hurst, map.number("hurst", "-", {0, 1, true, false}));
+      set_if(p.longest, map.number("longest", "m", above(0)));
+      set_if(p.shortest, map.number("shortest", "m", above(0)));
       if (const auto seed = map.integer("seed", 0, 1L << 40)) p.seed = static_cast<std::uint64_t>(*seed);
       out = std::make_shared<terrain::FractalSurface>(p);
     } else if (kind == "png") {
@@ -143,7 +143,7 @@ std::vector<terrain::SoilPatch> read_soil_map(MapReader& map, const Scenario& ba
     terrain::SoilPatch patch;
     for (const auto& [name, value] : {std::pair{"x0", &patch.x0}, {"y0", &patch.y0}, {"x1", &patch.x1}, {"y1", &patch.y1}}) {
       m.need(name);
-      take(*value, m.number(name, "m"));
+      set_if(*value, m.number(name, "m"));
     }
     if (!(patch.x1 > patch.x0 && patch.y1 > patch.y0))
       source.problem(*item, key, "is empty", "x1 above x0 and y1 above y0");
@@ -189,15 +189,15 @@ std::vector<vehicle::RockSpec> read_rocks(MapReader& map, double clear_x, double
         source.problem(*item, key + ".size", fmt::format("has {} numbers", size.size()), "three: x, y, z");
     } else {
       m.need("radius");
-      take(r.radius, m.number("radius", "m", above(0)));
+      set_if(r.radius, m.number("radius", "m", above(0)));
     }
     m.need("x");
-    take(r.x, m.number("x", "m"));
-    take(r.y, m.number("y", "m"));
-    take(r.heading, m.number("heading", "rad"));
-    take(r.density, m.number("density", "kg/m^3", above(0)));
+    set_if(r.x, m.number("x", "m"));
+    set_if(r.y, m.number("y", "m"));
+    set_if(r.heading, m.number("heading", "rad"));
+    set_if(r.density, m.number("density", "kg/m^3", above(0)));
     if (const auto fixed = m.flag("fixed")) r.fixed = *fixed;
-    take(r.buried, m.number("buried", "m", at_least(0)));
+    set_if(r.buried, m.number("buried", "m", at_least(0)));
     m.finish();
     for (const Problem& p : r.validate(key)) source.problem(*item, p.key, p.message, p.expected);
     out.push_back(r);
@@ -208,14 +208,14 @@ std::vector<vehicle::RockSpec> read_rocks(MapReader& map, double clear_x, double
     if (const auto count = field->integer("count", 1, 2000)) f.count = static_cast<int>(*count);
     for (const auto& [name, value] : {std::pair{"x0", &f.x0}, {"y0", &f.y0}, {"x1", &f.x1}, {"y1", &f.y1}}) {
       field->need(name);
-      take(*value, field->number(name, "m"));
+      set_if(*value, field->number(name, "m"));
     }
-    take(f.smallest, field->number("smallest", "m", above(0)));
-    take(f.largest, field->number("largest", "m", above(0)));
-    take(f.exponent, field->number("exponent", "-", above(0)));
-    take(f.density, field->number("density", "kg/m^3", above(0)));
+    set_if(f.smallest, field->number("smallest", "m", above(0)));
+    set_if(f.largest, field->number("largest", "m", above(0)));
+    set_if(f.exponent, field->number("exponent", "-", above(0)));
+    set_if(f.density, field->number("density", "kg/m^3", above(0)));
     if (const auto fixed = field->flag("fixed")) f.fixed = *fixed;
-    take(f.buried_share, field->number("buried_share", "-", {0, 1, false, true}));
+    set_if(f.buried_share, field->number("buried_share", "-", {0, 1, false, true}));
     if (const auto seed = field->integer("seed", 0, 1L << 40)) f.seed = static_cast<std::uint64_t>(*seed);
     field->finish();
     f.clear_x = clear_x;
