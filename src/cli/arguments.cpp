@@ -27,6 +27,11 @@ Option* Option::type_name(const std::string& name) {
   return this;
 }
 
+Option* Option::hidden() {
+  option_->group("");
+  return this;
+}
+
 Option* Option::delimiter(char c) {
   option_->delimiter(c);
   return this;
@@ -54,6 +59,8 @@ Option* Command::add_option(const std::string& names, T& value, const std::strin
 
 template Option* Command::add_option(const std::string&, std::string&, const std::string&);
 template Option* Command::add_option(const std::string&, std::vector<std::string>&, const std::string&);
+template Option* Command::add_option(const std::string&, std::vector<int>&, const std::string&);
+template Option* Command::add_option(const std::string&, std::vector<double>&, const std::string&);
 template Option* Command::add_option(const std::string&, bool&, const std::string&);
 template Option* Command::add_option(const std::string&, int&, const std::string&);
 template Option* Command::add_option(const std::string&, std::size_t&, const std::string&);

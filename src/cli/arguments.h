@@ -32,6 +32,7 @@ class Option {
   Option* check(const Check& check);
   Option* type_name(const std::string& name);  // what stands for the value in the help
   Option* delimiter(char c);                   // splits one word into several values
+  Option* hidden();                            // left out of the help
   std::size_t count() const;                   // how often it was given
 
  private:
@@ -42,8 +43,8 @@ class Command {
  public:
   explicit Command(CLI::App& app) : app_(app) {}
   Command* add_subcommand(const std::string& name, const std::string& description);
-  // `names`: "-o,--output" for an option, "RECORDING" for an argument. T: std::string, std::vector<std::string>, bool,
-  // int, std::size_t (unsigned long), double or std::optional<double>; another type takes a line at the end of arguments.cpp.
+  // `names`: "-o,--output" for an option, "RECORDING" for an argument. T: std::string, bool, int, std::size_t (unsigned long),
+  // double, std::optional<double>, or a vector of std::string, int or double; another type takes a line at the end of arguments.cpp.
   template <typename T>
   Option* add_option(const std::string& names, T& value, const std::string& description);
   Option* add_flag(const std::string& names, bool& value, const std::string& description);

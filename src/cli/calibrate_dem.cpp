@@ -579,7 +579,7 @@ void add_calibrate_dem(Command& app, Common& common) {
   command->add_option("--bulk-density", a->bulk_density, "of the bed (default: the recording's, else 1600 kg/m^3)")->type_name("DENSITY");
   command->add_option("--confidence", a->confidence, "of intervals (default: 0.95)")->check(range(0.01, 0.9999))->type_name("P");
   command->add_flag("--overwrite", a->overwrite, "begin anew in a folder that holds another search");
-  command->add_option("--evaluate", a->evaluate, "")->group("");
+  command->add_option("--evaluate", a->evaluate, "")->hidden();
   common.words["calibrate-dem --search"] = searches;
   add_common(*command, common, true);
   command->callback([a, &common] { calibrate_dem(*a, common); });
