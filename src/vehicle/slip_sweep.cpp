@@ -59,6 +59,7 @@ std::vector<SweepPoint> sweep(const std::vector<SweepMethod>& methods,
   std::vector<std::size_t> order(tasks.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    if (tasks[a].method != tasks[b].method) return tasks[a].method < tasks[b].method;  // methods in the order asked for
     return tasks[a].condition->forward_velocity.value_or(0.0) < tasks[b].condition->forward_velocity.value_or(0.0);
   });
   parallel_for(tasks.size(), options.threads, [&](std::size_t n) {
