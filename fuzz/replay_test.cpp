@@ -8,7 +8,7 @@
 #include "harness.h"
 
 namespace terrode::fuzz {
-#define FUZZ_HARNESS(name) void name(const std::uint8_t* data, std::size_t size);
+#define FUZZ_HARNESS(name, room) void name(const std::uint8_t* data, std::size_t size);
 #include "harnesses.inc"
 #undef FUZZ_HARNESS
 
@@ -27,7 +27,7 @@ void replay(const std::string& name, void (*harness)(const std::uint8_t*, std::s
   EXPECT_GT(count, 0u) << "no seeds in " << folder;
 }
 
-#define FUZZ_HARNESS(name) \
+#define FUZZ_HARNESS(name, room) \
   TEST(FuzzReplay, name) { replay(#name, name); }
 #include "harnesses.inc"
 #undef FUZZ_HARNESS

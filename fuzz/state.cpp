@@ -1,9 +1,7 @@
-// The state of grounds and machines, as checkpoints carry it (behind a digest, which a hostile file can have as well).
+// The state of a node-spring ground and of a rig on it, as checkpoints carry it.
 #include <cstring>
 #include <span>
-#include <sstream>
 
-#include "dem/simulation.h"
 #include "harness.h"
 #include "terrain/node_spring.h"
 #include "vehicle/rig.h"
@@ -19,7 +17,7 @@ FUZZ(state) {
     return std::make_unique<terrain::NodeSpringTerrain>(p, bekker::PointLaw{});
   };
   const auto wheel = std::make_shared<wheel::Wheel>(wheel::WheelShape{});
-  switch (data[0] % 3) {
+  switch (data[0] % 2) {
     case 0: {
       auto g = ground();
       const auto body = g->add_body(wheel);
@@ -31,7 +29,7 @@ FUZZ(state) {
       g->end_step();
       break;
     }
-    case 1: {
+    default: {
       vehicle::Rig rig({}, {}, wheel, ground());
       recording::Checkpoint c;
       const std::size_t n = bytes.size() / sizeof(double);
@@ -46,18 +44,6 @@ FUZZ(state) {
       rig.resume(c);
       for (int k = 0; k < 3; ++k) rig.step();
       break;
-    }
-    default: {
-      dem::Settings settings;
-      settings.time_step = 1e-5;
-      dem::Simulation sim(settings);
-      const int grain = sim.add_material({"grain", 1e6, 0.3});
-      sim.set_interaction(grain, grain, {});
-      const int floor = sim.add_body({});
-      sim.add_surface(floor, dem::make_plane(Vec3::UnitZ(), 0.0), grain);
-      std::istringstream in(std::string(bytes.begin(), bytes.end()));
-      sim.load(in);
-      sim.run(2);
     }
   }
 }

@@ -1,5 +1,6 @@
 #include "cli/commands.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -104,6 +105,9 @@ void build(Command& app, Common& common) {
 }
 
 int run(int argc, char** argv) {
+  // A file must not take the place of a standard stream that the caller closed.
+  for (int fd = 0; fd < 3; ++fd)
+    if (fcntl(fd, F_GETFD) < 0 && errno == EBADF && ::open("/dev/null", fd == 0 ? O_RDONLY : O_WRONLY) != fd) return 1;
   CLI::App app{"Terrode: predicts how a wheel pulls, sinks and takes torque on deformable soil", "terrode"};
   Common common;
   common.command_line = "terrode";

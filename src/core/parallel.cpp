@@ -36,7 +36,12 @@ void parallel_for(std::size_t count, int threads, const std::function<void(std::
   };
   const auto n = std::min<std::size_t>(static_cast<std::size_t>(thread_count(threads)), count);
   std::vector<std::thread> pool;
-  for (std::size_t t = 1; t < n; ++t) pool.emplace_back(loop);
+  try {
+    pool.reserve(n);
+    for (std::size_t t = 1; t < n; ++t) pool.emplace_back(loop);
+  } catch (const std::exception&) {
+    // The system gives no more threads: those that are there do the work.
+  }
   loop();
   for (std::thread& t : pool) t.join();
   if (first) std::rethrow_exception(first);
@@ -72,17 +77,21 @@ void await_change(const std::atomic<T>& value, T old) {
 
 Crew::Crew(int threads) : state_(std::make_unique<State>()) {
   State* s = state_.get();
-  for (int t = 1; t < thread_count(threads); ++t)
-    s->pool.emplace_back([s] {
-      unsigned seen = 0;
-      for (;;) {
-        await_change(s->round, seen);
-        if (s->ending.load()) return;
-        seen = s->round.load(std::memory_order_acquire);
-        s->take();
-        if (s->busy.fetch_sub(1, std::memory_order_acq_rel) == 1) s->busy.notify_one();
-      }
-    });
+  const auto member = [s] {
+    unsigned seen = 0;
+    for (;;) {
+      await_change(s->round, seen);
+      if (s->ending.load()) return;
+      seen = s->round.load(std::memory_order_acquire);
+      s->take();
+      if (s->busy.fetch_sub(1, std::memory_order_acq_rel) == 1) s->busy.notify_one();
+    }
+  };
+  try {
+    for (int t = 1; t < thread_count(threads); ++t) s->pool.emplace_back(member);
+  } catch (const std::exception&) {
+    // As above: fewer hands, the same result.
+  }
 }
 
 Crew::~Crew() {

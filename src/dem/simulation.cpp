@@ -1126,7 +1126,12 @@ struct Reader {
   void vector(std::vector<T>& v) {
     std::uint64_t n = 0;
     value(n);
-    if (n > (std::uint64_t{1} << 36) / sizeof(T)) throw InputError("the saved state is damaged");
+    // No more than what is there to be read: damage must not ask for all of the memory.
+    const auto here = in.tellg();
+    in.seekg(0, std::ios::end);
+    const auto left = in.tellg() - here;
+    in.seekg(here);
+    if (!in || left < 0 || n > static_cast<std::uint64_t>(left) / sizeof(T)) throw InputError("the saved state ends too early");
     v.resize(n);
     in.read(reinterpret_cast<char*>(v.data()), static_cast<std::streamsize>(n * sizeof(T)));
     if (!in) throw InputError("the saved state ends too early");

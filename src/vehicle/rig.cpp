@@ -391,6 +391,11 @@ recording::Run Rig::run(const Progress& progress) {
       progress.report(std::min(1.0, static_cast<double>(steps_) * h / planned_), "rig");
     }
     const double scale = 1.0 / static_cast<double>(taken);
+    for (const SampleChannel& c : sample_channels)
+      if (!std::isfinite(sum.*c.field))
+        throw RunError(fmt::format("wheel at t = {:.6g} s: its {} is not finite: try a smaller time step, then check the soil's "
+                                   "parameters",
+                                   last_.time, c.name));
     run.time.push_back(sum.time * scale);
     for (std::size_t i = 0; i < std::size(sample_channels); ++i)
       run.channels[i].values.push_back(sum.*sample_channels[i].field * scale);

@@ -166,6 +166,10 @@ SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& so
     values["entry_angle"].mean = s.entry_angle;
     values["peak_angle"].mean = s.peak_angle;
     values["compaction_resistance"].mean = s.compaction_resistance;
+    for (const auto& [name, value] : values)
+      if (!std::isfinite(value.mean))
+        throw RunError(fmt::format("steady wheel at slip {:.4g}: {} is not finite: parameters of soil or effects are out of any range",
+                                   c.slip, name));
     if (s.peak_clamped)
       out.events.push_back("the angle of largest stress lay outside the contact and was moved to its end");
     return out;
