@@ -299,10 +299,10 @@ recording::Run Vehicle::run(Controller& controller, double duration, const Progr
       }
     }
     if (taken == 0) break;
-    for (std::size_t k = 0; k < sums.size(); ++k)
-      if (!std::isfinite(sums[k]))
+    for (std::size_t k = 0; k < sums_.size(); ++k)
+      if (!std::isfinite(sums_[k]))
         throw RunError(fmt::format("machine '{}' at t = {:.6g} s: {} is not finite: try a smaller time step, then check masses and soil",
-                                   spec_.name, last_.time, run.channels[k].name));
+                                   spec_.name, last_.time, run_.channels[k].name));
     keep_sample(time_sum / static_cast<double>(taken), taken);
     if (observer_) observer_(*this);
     progress.report(static_cast<double>(n) / static_cast<double>(steps), spec_.name);
