@@ -106,6 +106,7 @@ class SweepFile {
 void judge_failures(const scenario::Scenario& s, const std::vector<MethodResult>& results, Common& common) {
   std::size_t failed = 0, all = 0;
   const SweepPoint* example = nullptr;
+  bool load_is_wrong = true;
   std::set<std::string> said;
   for (const auto& r : results) {
     for (const SweepPoint& p : r.points) {
@@ -113,10 +114,11 @@ void judge_failures(const scenario::Scenario& s, const std::vector<MethodResult>
       if (!p.failed()) continue;
       ++failed;
       if (!example) example = &p;
+      load_is_wrong = load_is_wrong && (p.error.find("does not carry") != std::string::npos || p.error.find("buried") != std::string::npos);
     }
   }
   if (failed == 0) return;
-  if (failed == all) {
+  if (failed == all && load_is_wrong) {
     Problems problems{{{}, 0, 0, "normal_load", fmt::format("is {} N: {}", example->at.normal_load, example->error), {}}};
     try {
       scenario::locate(problems, scenario::parse_yaml(s.text, s.file), s.file, "rig");

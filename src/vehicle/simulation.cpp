@@ -1,5 +1,7 @@
 #include "vehicle/simulation.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Eigenvalues>
 #include <cmath>
 
@@ -13,6 +15,17 @@ Mat3 cross(const Vec3& p) {
   Mat3 m;
   m << 0, -p.z(), p.y(), p.z(), 0, -p.x(), -p.y(), p.x(), 0;
   return m;
+}
+
+void check_answer(const GroundContact& c, const Pose& pose, double t, double h) {
+  const terrain::ContactResult& r = c.result;
+  const char* what = !r.wrench.F_W.allFinite() || !r.wrench.M_W.allFinite() ? "force"
+                     : !r.damping.allFinite() || !r.stiffness.allFinite()   ? "stiffness or damping"
+                                                                            : nullptr;
+  if (what == nullptr) return;
+  throw RunError(fmt::format("body '{}' at t = {:.6g} s: the {} of the ground on it is not finite (at x = {:.4g}, y = {:.4g}, "
+                             "z = {:.4g} m): try a time step below {:.3g} s, then check the soil's parameters",
+                             c.body->name(), t, what, pose.p_W.x(), pose.p_W.y(), pose.p_W.z(), h));
 }
 
 }  // namespace
@@ -63,6 +76,7 @@ void Simulation::step(double h) {
     const Pose pose = c.body->pose();
     const Twist& u = before_[i];
     c.result = ground_.wrench(c.id, pose, u);
+    check_answer(c, pose, world_.time(), h);
     const terrain::StepResistance own = terrain::step_resistance(c.result, h, c.body->mass());
     const PointResistance r = point_resistance(own.inertial + own.releasing, pose.p_W);
     c.damper->set(r.p_W, r.D, r.R);

@@ -9,6 +9,7 @@
 #include <ctime>
 #include <limits>
 #include <mutex>
+#include <new>
 #include <numeric>
 
 #include "core/parallel.h"
@@ -87,6 +88,8 @@ std::vector<SweepPoint> sweep(const std::vector<SweepMethod>& methods,
     } catch (const Interrupted&) {
       interrupted = true;
       return;
+    } catch (const std::bad_alloc&) {
+      point.error = "not enough memory";
     } catch (const std::exception& e) {
       point.error = e.what();
     }
@@ -166,8 +169,9 @@ SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& so
     values["entry_angle"].mean = s.entry_angle;
     values["peak_angle"].mean = s.peak_angle;
     values["compaction_resistance"].mean = s.compaction_resistance;
-    for (const auto& [name, value] : values)
-      if (!std::isfinite(value.mean))
+    for (const char* name : {recording::channel::drawbar_pull, recording::channel::driving_torque, recording::channel::sinkage,
+                             recording::channel::normal_load})
+      if (!std::isfinite(values[name].mean))
         throw RunError(fmt::format("steady wheel at slip {:.4g}: {} is not finite: parameters of soil or effects are out of any range",
                                    c.slip, name));
     if (s.peak_clamped)
