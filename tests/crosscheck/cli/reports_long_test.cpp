@@ -8,6 +8,16 @@ namespace {
 
 class Screenshots : public report::Browser {};
 
+TEST_F(Screenshots, NoReportScrollsSidewaysOnAPhone) {
+  for (const auto& [name, page] : make_reports(folder_, true)) {
+    const auto r = ask(page.html, 390, "{inner:innerWidth,scroll:document.documentElement.scrollWidth}");
+    ASSERT_TRUE(r.is_object()) << name;
+    EXPECT_EQ(console_, "") << name;
+    EXPECT_EQ(r["inner"], 390) << name;
+    EXPECT_LE(r["scroll"].get<int>(), 390) << name;
+  }
+}
+
 TEST_F(Screenshots, OfEveryReport) {
   namespace fs = std::filesystem;
   const fs::path pictures = fs::path(TERRODE_BINARY_DIR) / "screenshots";
