@@ -579,6 +579,7 @@ SteadyState SteadyWheel::solve(const Operating& operating) const {
   const auto excess = [&](const SteadyState& s) { return std::abs(s.normal_load - problem.load) / problem.load; };
   int order = split ? 1 : 2;
   SteadyState state = problem.find(guess, 0, 1e-4);
+  const bool modified = !(law_.contact.empty() && law_.soil.empty() && law_.pressure.empty() && law_.shear.empty() && law_.traction.empty());
   int state_order = 0;
   double coarse_difference = 0.0;  // between the rule before and this one
   for (bool first = true;; first = false) {
@@ -608,7 +609,7 @@ SteadyState SteadyWheel::solve(const Operating& operating) const {
     // Two differences tell how fast the rules converge, and so what the finer one still errs by: with effects that is
     // relied on, for what they bend costs several rules more.
     const double error = difference * std::min(1.0, difference / std::max(coarse_difference, difference));
-    if (difference <= close || (!law_.plain && error <= close && difference <= 100.0 * options_.tolerance)) {
+    if (difference <= close || (modified && error <= close && difference <= 100.0 * options_.tolerance)) {
       // What is left of the load: a step too small to bend the secant.
       if (way != 0 && now.normal_load != before.normal_load) {
         along(state, (problem.load - state.normal_load) / (now.normal_load - before.normal_load));
