@@ -25,6 +25,7 @@
   X(compare)                \
   X(calibrate)              \
   X(calibrate_dem)          \
+  X(dem_to_bekker)          \
   X(export)                 \
   X(view)                   \
   X(validate)               \

@@ -1,5 +1,5 @@
 // The search for grain parameters on a made-up laboratory whose curves are closed forms with noise: what it asks for, that
-// it finds what is hidden, and what it says about what cannot be found. On particles: tests/regression/calibration.
+// it finds what is hidden, and what it says about what cannot be found. On particles: tests/analytic/calibration/grain_search_long_test.cpp.
 #include "calibration/grain_search.h"
 
 #include <gtest/gtest.h>
