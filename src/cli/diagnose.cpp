@@ -8,6 +8,7 @@
 #include <memory>
 #include <set>
 
+#include "cli/replay.h"
 #include "cli/terminal.h"
 #include "report/page.h"
 #include "scenario/recording_file.h"
@@ -70,6 +71,13 @@ Json diagnosis_json(const Diagnosis& d) {
   out["candidates"] = Json::array();
   for (std::size_t i = 0; i < std::min<std::size_t>(15, d.candidates.size()); ++i)
     out["candidates"].push_back({{"label", d.candidates[i].label}, {"log_evidence", number(d.candidates[i].log_evidence)}, {"chi2_gain", number(d.candidates[i].chi2_gain)}});
+  out["growth"] = Json::array();
+  for (const auto& g : d.growth) {
+    Json lack = Json::object();
+    for (int c = 0; c < kChannels; ++c)
+      lack[diagnosis::channel_name(c)] = {{"before", number(g.before[static_cast<std::size_t>(c)])}, {"after", number(g.after[static_cast<std::size_t>(c)])}};
+    out["growth"].push_back({{"label", g.label}, {"support", number(g.support)}, {"misfit_over_scatter", lack}});
+  }
   out["blocks"] = Json::array();
   for (const auto& b : d.blocks) {
     Json rmse = Json::object();
@@ -88,21 +96,8 @@ Json diagnosis_json(const Diagnosis& d) {
 
 // The scenario with the found physics switched on, complete in itself.
 std::string corrected_yaml(const recording::Recording& recording, const Diagnosis& d) {
-  scenario::Scenario s = scenario::scenario_of(recording);
+  scenario::Scenario s = corrected_scenario(recording, d.soil, d.angles, {});
   s.title = d.title + ", corrected";
-  s.soil.cohesion = d.soil.cohesion;
-  s.soil.friction_angle = d.soil.friction_angle;
-  s.soil.shear_modulus = d.soil.shear_modulus;
-  s.soil.n = d.soil.n;
-  s.soil.k = d.soil.k;
-  s.soil.plate_width = d.soil.plate_width;
-  s.soil.kc.reset();
-  s.soil.kphi.reset();
-  s.soil.a0 = d.angles.a0;
-  s.soil.a1 = d.angles.a1;
-  s.soil.theta_r = d.angles.theta_r;
-  s.effects.clear();
-  s.measured.reset();
   std::string out = scenario::to_yaml(s);
   if (!out.empty() && out.back() != '\n') out += '\n';
   if (!d.corrected_effects.empty()) {
@@ -121,7 +116,46 @@ std::string where_text(const diagnosis::Located& l) {
   return out;
 }
 
-report::Page page_of(const Diagnosis& d, const std::string& command) {
+// Runs kept out of both fits, as the wheel on ODE drives them.
+Json replay_json(const Diagnosis& d, const ReplayResult& r) {
+  Json out = {{"held_out", d.replay.held_out}, {"method", "node-spring"}, {"conditions", r.points.size()}, {"failed", r.failed}};
+  out["rmse"] = Json::object();
+  for (std::size_t c = 0; c < kChannels; ++c)
+    if (d.fit[c].present)
+      out["rmse"][diagnosis::channel_name(static_cast<int>(c))] = {{"before", number(r.rmse_before[c])}, {"after", number(r.rmse_after[c])}, {"unit", diagnosis::channel_unit(static_cast<int>(c))}};
+  return out;
+}
+
+void add_replay(report::Page& page, const Diagnosis& d, const ReplayResult& r) {
+  if (r.points.empty()) return;
+  page.section("The correction at work: " + d.replay.held_out);
+  page.text("The single-wheel rig on ODE over the node-spring ground at conditions that took no part in either fit, by the plain model with its parameters refitted and by the corrected one.");
+  report::Table t;
+  t.columns = {{"slip", "", 3}, {"load", "N", 4}, {"speed", "rad/s", 3}, {"pass", "", 2}};
+  for (std::size_t c = 0; c < kChannels; ++c) {
+    if (!d.fit[c].present) continue;
+    const std::string unit = c == 2 ? "mm" : diagnosis::channel_unit(static_cast<int>(c)), name = diagnosis::channel_name(static_cast<int>(c));
+    for (const char* which : {"recording", "plain", "corrected"}) t.columns.push_back({which, unit, 4, name});
+  }
+  for (const ReplayPoint& p : r.points) {
+    std::vector<report::Cell> row = {p.condition.slip, p.condition.normal_load, p.condition.angular_velocity, static_cast<double>(p.condition.pass)};
+    for (std::size_t c = 0; c < kChannels; ++c) {
+      if (!d.fit[c].present) continue;
+      const double scale = c == 2 ? 1e3 : 1.0;
+      for (const double v : {p.measured[c], p.before[c], p.after[c]}) row.emplace_back(p.has[c] ? scale * v : std::nan(""));
+    }
+    t.rows.push_back(std::move(row));
+  }
+  std::string errors;
+  for (std::size_t c = 0; c < kChannels; ++c)
+    if (d.fit[c].present)
+      errors += fmt::format("{}{} {:.3g} to {:.3g} {}", errors.empty() ? "" : ", ", diagnosis::channel_name(static_cast<int>(c)), (c == 2 ? 1e3 : 1.0) * r.rmse_before[c],
+                            (c == 2 ? 1e3 : 1.0) * r.rmse_after[c], c == 2 ? "mm" : diagnosis::channel_unit(static_cast<int>(c)));
+  t.caption = "Root mean square error, plain to corrected: " + errors + ".";
+  page.table(std::move(t));
+}
+
+report::Page page_of(const Diagnosis& d, const ReplayResult& replayed, const std::string& command) {
   report::Page page("Diagnosis: " + d.title);
   page.command(command);
   const report::Mood mood = d.verdict == "no_mismatch" ? report::Mood::good : d.verdict == "unknown" || d.verdict == "undecided" ? report::Mood::warning : report::Mood::neutral;
@@ -270,6 +304,7 @@ report::Page page_of(const Diagnosis& d, const std::string& command) {
     t.caption = "Root mean square error of runs that took no part in the fit.";
     page.table(std::move(t));
   }
+  add_replay(page, d, replayed);
   page.section("Soil parameters");
   {
     report::Table t;
@@ -333,11 +368,13 @@ void diagnose_command(const Arguments& a, Common& common) {
     options.progress = show_progress(common);
     d = diagnosis::diagnose(recording, options);
   }
-  const Json json = diagnosis_json(d);
+  const ReplayResult replayed = d.effects.empty() ? ReplayResult{} : replay(recording, d, common);
+  Json json = diagnosis_json(d);
+  if (!replayed.points.empty()) json["simulated_in_time"] = replay_json(d, replayed);
   const fs::path folder(a.folder);
   write_text_atomically((folder / "diagnosis.json").string(), json.dump(2) + "\n");
   write_text_atomically((folder / "corrected.yaml").string(), corrected_yaml(recording, d));
-  report::Page page = page_of(d, common.command_line);
+  report::Page page = page_of(d, replayed, common.command_line);
   page.download("diagnosis.json", json.dump(2));
   page.write_html(folder / "report.html");
   if (!common.report.empty()) page.write_html(common.report);

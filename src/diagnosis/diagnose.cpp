@@ -22,9 +22,32 @@ bool ripple_only(const std::string& id) {
   return ids.contains(id);
 }
 
+// Wheels with more lugs than this are not built.
+constexpr double kMostLugs = 60;
+
+bool can_be(const RippleLine& l, Lock lock) {
+  return l.lock == lock || std::find(l.alternatives.begin(), l.alternatives.end(), lock) != l.alternatives.end();
+}
+
+// A line that only the drawbar pull shows.
+bool pull_alone(const RippleLine& l) { return l.channel_score[0] > 15 && l.channel_score[1] < 0.25 * l.channel_score[0] && l.channel_score[2] < 0.25 * l.channel_score[0]; }
+
 // Root mean square ripple of a soil that fails in small blocks, over the rim force: every smooth wheel on sand shows
 // about one percent (Shikanai et al. 2000 call it small); a cause is named from twice that.
 constexpr double kNaturalRipple = 0.018;
+
+// A law leaves over about a tenth of what it changes when nature follows another published form of it; squared. What a
+// rig or a sensor does to a reading is known better.
+constexpr double kFormError = 0.01, kReadingError = 0.002;
+// Odds (nats) that a further effect must bring, for it is picked from many.
+constexpr double kFurther = 6.0;
+// Flattens the odds of rivals; found on campaigns with known causes (tools/make-campaigns).
+constexpr double kTemperature = 1.5;
+// Root mean square misfit of runs' means over their scatter that sound explanations stay below, and the square of what
+// they reach by chance.
+constexpr double kPoorFit = 1.45, kScatterOfFit = 1.7;
+// Independent looks at that share which one channel gives.
+constexpr double kLooks = 8.0;
 
 struct Tried {
   Hypothesis hypothesis;
@@ -88,8 +111,12 @@ std::vector<std::vector<Hypothesis>> listed(const Model& model, const Options& o
       for (const double f : {0.15, 0.5}) starts.push_back(one({{"strength", 500.0}, {"depth", f * depth}}));
     } else if (id == "run_in") {
       starts.push_back(one({{"length", 0.08}}));
+    } else if (id == "slip_sinkage") {
+      for (const double form : {0.0, 1.0}) starts.push_back(one({{"form", form}}));
+    } else if (id == "bed_drift") {
+      for (const double grade : {0.0, 1.0}) starts.push_back(one({{"grade", grade}}));
     } else if (id == "side_friction") {
-      starts.push_back(one({{"factor", 0.5}}));
+      for (const double form : {0.0, 1.0}) starts.push_back(one({{"factor", 10.0}, {"form", form}}));
     } else if (id == "skew") {
       starts.push_back(one({{"angle", 0.03}}));
     } else if (id == "rear_contact") {
@@ -291,6 +318,11 @@ class Diagnoser {
     plain_fit();
     step(0.12, "ripples");
     ripples_ = find_ripples(campaign_, std::exp(plain_.fit.base(kLnRunIn)));
+    for (const RippleLine& l : ripples_.lines)
+      if (l.lock == Lock::wheel && l.order == 1 && l.channel_score[2] > 50) {
+        model_.allow_eccentricity(l.amplitude[2], plain_.fit.base);
+        refit_plain(plain_.fit.base);
+      }
     step(0.15, "every effect by itself");
     try_singles();
     gate();
@@ -389,7 +421,14 @@ class Diagnoser {
     if (!std::isfinite(best.chi2))
       throw RunError("diagnose: the plain model has no solution near the believed soil; check loads, wheel and soil");
     model_.estimate_noise(best.base);
-    plain_ = {none, model_.fit(none, best.base)};
+    refit_plain(best.base);
+  }
+
+  // The plain model with its parameters free, and at what the laboratory believes.
+  void refit_plain(const Eigen::VectorXd& start) {
+    const Hypothesis none;
+    const Eigen::VectorXd believed = model_.base_of(campaign_.believed, campaign_.believed_angles);
+    plain_ = {none, model_.fit(none, start)};
     std::vector<bool> fixed(kBaseCount, false);
     for (int i = 0; i <= kA1; ++i) fixed[static_cast<std::size_t>(i)] = true;
     believed_ = {none, model_.fit(none, believed, fixed)};
@@ -400,14 +439,27 @@ class Diagnoser {
   bool only_usual_start_up(const Tried& t) const {
     if (!contains(t.hypothesis, "run_in") || !std::isfinite(t.fit.chi2)) return false;
     const double length = model_.effects_of(t.hypothesis, t.fit).at("run_in").at("length");
-    return length < std::max(0.3 * campaign_.wheel.radius, 2.0 * std::exp(plain_.fit.base(kLnRunIn)));
+    return length < 1.3 * usual_start_up(campaign_.wheel.radius);
   }
 
   Tried best_of(const std::vector<Hypothesis>& starts, const Eigen::VectorXd& base, int iterations = 20) const {
     Tried best;
     best.fit.chi2 = std::numeric_limits<double>::infinity();
+    // A start-up that the plain model stretched to its limit was made to explain something else.
+    Eigen::VectorXd from = base;
+    const Eigen::VectorXd usual = model_.base_of(campaign_.believed, campaign_.believed_angles);
+    if (base(kLnRunIn) > std::log(0.9 * usual_start_up(campaign_.wheel.radius))) from.segment(kLnRunIn, kBaseCount - kLnRunIn) = usual.segment(kLnRunIn, kBaseCount - kLnRunIn);
+    std::vector<std::pair<const Hypothesis*, const Eigen::VectorXd*>> list;
     for (const Hypothesis& h : starts) {
-      Tried t{h, model_.fit(h, base, {}, {}, iterations)};
+      list.emplace_back(&h, &from);
+      // What changes along a run bends the plain model's fit far away from the soil.
+      if (h.effects.empty()) continue;
+      const effects::Fingerprint& mark = effects::find_effect(h.effects.back().id)->info->fingerprint;
+      if ((mark.with_position || mark.with_time) && h.effects.size() == 1) list.emplace_back(&h, &usual);
+    }
+    for (const auto& [hypothesis, start] : list) {
+      const Hypothesis& h = *hypothesis;
+      Tried t{h, model_.fit(h, *start, {}, {}, iterations)};
       if (only_usual_start_up(t)) t.fit.chi2 = t.fit.penalty = std::numeric_limits<double>::infinity();
       if (!std::isfinite(best.fit.chi2) || (std::isfinite(t.fit.chi2) && cost(t.fit) < cost(best.fit))) best = std::move(t);
     }
@@ -436,6 +488,9 @@ class Diagnoser {
     singles_.resize(starts_.size());
     parallel_for(starts_.size(), options_.threads, [&](std::size_t i) { singles_[i] = best_of(starts_[i], plain_.fit.base); });
     named_ = named;
+    lowest_ = plain_.fit.misfit;
+    lowest_penalty_ = plain_.fit.penalty;
+    note(singles_);
   }
 
   // Largest score over all effects, against its distribution where nothing is missing: directions of the effects after
@@ -494,17 +549,41 @@ class Diagnoser {
     return std::isfinite(f.chi2) ? (cost(plain_.fit) - cost(f)) / overdispersion(f) : -1.0;
   }
 
-  double evidence(const Fit& f) const { return std::isfinite(f.chi2) ? f.log_evidence : -std::numeric_limits<double>::infinity(); }
+  // What has been seen to be possible, channel by channel: the lowest misfit of any explanation.
+  void note(const Fit& f) {
+    if (!std::isfinite(f.chi2)) return;
+    for (std::size_t i = 0; i < lowest_.size(); ++i) lowest_[i] = std::min(lowest_[i], f.misfit[i]);
+    lowest_penalty_ = std::min(lowest_penalty_, f.penalty);
+  }
+  void note(const std::vector<Tried>& list) {
+    for (const Tried& t : list) note(t.fit);
+  }
+
+  // Log of the odds that the data give an explanation. Laws are published in several forms and none is exact: what a
+  // law leaves over counts against a deviation that grows with what the law changes (kFormError of its chi-square), and
+  // since that deviation is not known better than from a few independent looks, its tail is that of Student's t.
+  double support(const Tried& t) const {
+    const Fit& f = t.fit;
+    if (!std::isfinite(f.chi2)) return -std::numeric_limits<double>::infinity();
+    double out = f.occam;
+    bool exact = t.hypothesis.free_channel < 0;
+    for (const Hypothesis::Member& m : t.hypothesis.effects) exact = exact && effects::find_effect(m.id)->info->cls == effects::Class::rig;
+    const double form_error = exact ? kReadingError : kFormError;
+    for (std::size_t i = 0; i < lowest_.size(); ++i) {
+      const double change = std::max(0.0, plain_.fit.misfit[i] - lowest_[i]);
+      out -= 0.5 * kLooks * std::log1p(std::max(0.0, f.misfit[i] - lowest_[i]) / (kLooks + form_error * change));
+    }
+    return out - 0.5 * kLooks * std::log1p(std::max(0.0, f.penalty - lowest_penalty_) / kLooks);
+  }
 
   // Grows the best explanation by one effect at a time while the evidence asks for it, looking at several beginnings.
   void combine() {
     std::vector<std::size_t> order;
     for (std::size_t i = 0; i < named_; ++i) order.push_back(i);
-    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return evidence(singles_[a].fit) > evidence(singles_[b].fit); });
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return support(singles_[a]) > support(singles_[b]); });
     best_ = singles_[order.front()];
     slots_ = {order.front()};
     for (int depth = 0; depth < 2; ++depth) {
-      const double phi = overdispersion(best_.fit);
       // Is there anything left to explain? The score of every other effect at the best fit tells, before any is fitted.
       std::vector<std::pair<double, std::vector<std::size_t>>> promising;
       std::vector<std::vector<std::size_t>> beginnings = {slots_};
@@ -531,19 +610,19 @@ class Diagnoser {
       if (promising.size() > 14) promising.resize(14);
       std::vector<Tried> tried(promising.size());
       parallel_for(promising.size(), options_.threads, [&](std::size_t k) { tried[k] = fit_slots(promising[k].second); });
+      note(tried);
       std::size_t top = tried.size();
       for (std::size_t k = 0; k < tried.size(); ++k) {
         if (!std::isfinite(tried[k].fit.chi2)) continue;
-        if (top == tried.size() || evidence(tried[k].fit) > evidence(tried[top].fit)) top = k;
+        if (top == tried.size() || support(tried[k]) > support(tried[top])) top = k;
       }
       if (top == tried.size()) break;
-      const double more = (evidence(tried[top].fit) - evidence(best_.fit)) / std::max(phi, overdispersion(tried[top].fit));
+      const double more = support(tried[top]) - support(best_);
       const double chi = (cost(best_.fit) - cost(tried[top].fit)) / overdispersion(tried[top].fit);
       // A further effect must pay more than the first, for it has more company to be picked from, and it must help on
       // conditions that took no part in the fit: small change to a form that does not quite fit helps there little.
-      if (more < 8.0 || chi < out_.gate + 6.0) break;
-      // What a form that does not quite fit leaves over is a few percent of what it explains.
-      if (cost(best_.fit) - cost(tried[top].fit) < 0.08 * (cost(plain_.fit) - cost(best_.fit))) break;
+      out_.growth.push_back({tried[top].hypothesis.label(), more, lack_of_fit(best_), lack_of_fit(tried[top])});
+      if (more < kFurther || chi < out_.gate + 6.0) break;
       const auto without = held_out(best_), with = held_out(tried[top]);
       double improvement = 0;
       for (std::size_t ch = 0; ch < kChannels; ++ch)
@@ -554,9 +633,35 @@ class Diagnoser {
     }
   }
 
+  // Root mean square of what a model leaves of the runs' means over what their scatter leaves, by channel; 0 where not measured.
+  std::array<double, kChannels> lack_of_fit(const Tried& t) const {
+    std::array<double, kChannels> out{};
+    const auto predicted = model_.predict(t.hypothesis, t.fit);
+    for (std::size_t ch = 0; ch < kChannels; ++ch) {
+      double left = 0, scatter = 0;
+      for (std::size_t r = 0; r < campaign_.runs.size(); ++r) {
+        if (!campaign_.runs[r].has[ch]) continue;
+        const auto m = run_means(campaign_.runs[r], predicted[r], ch);
+        left += std::pow(m[0] - m[1], 2);
+        scatter += std::pow(model_.run_mean_deviation(static_cast<int>(r), static_cast<int>(ch)), 2);
+      }
+      if (scatter > 0) out[ch] = std::sqrt(left / scatter);
+    }
+    return out;
+  }
+
+  // True when an explanation leaves more than scatter and than another form of its laws would: a quarter of the misfit.
+  bool leaves_much(const Tried& t) const {
+    const auto before = lack_of_fit(plain_), after = lack_of_fit(t);
+    for (std::size_t ch = 0; ch < kChannels; ++ch)
+      if (after[ch] > kPoorFit && after[ch] * after[ch] - kScatterOfFit > 0.0625 * std::max(0.0, before[ch] * before[ch] - 1.0)) return true;
+    return false;
+  }
+
   // How a model that was fitted without a block predicts the means of that block's runs.
   struct Fold {
     bool solved = false;
+    Fit fit;
     std::array<double, kChannels> squares{};
     std::array<int, kChannels> count{};
   };
@@ -564,10 +669,10 @@ class Diagnoser {
     Fold out;
     std::vector<char> use(held.size());
     for (std::size_t r = 0; r < use.size(); ++r) use[r] = !held[r];
-    const Fit f = model_.fit(h, t.fit.base, {}, use, iterations);
-    if (!std::isfinite(f.chi2)) return out;
+    out.fit = model_.fit(h, t.fit.base, {}, use, iterations);
+    if (!std::isfinite(out.fit.chi2)) return out;
     try {
-      const auto p = model_.predict(h, f);
+      const auto p = model_.predict(h, out.fit);
       for (std::size_t r = 0; r < use.size(); ++r)
         for (std::size_t ch = 0; ch < kChannels; ++ch)
           if (held[r] && campaign_.runs[r].has[ch]) {
@@ -668,15 +773,14 @@ class Diagnoser {
         }
       });
     }
+    note(tried);
     std::map<std::string, double> weight;
     double top = -std::numeric_limits<double>::infinity();
-    for (const Tried& t : tried) top = std::max(top, evidence(t.fit));
-    // Evidence counts every bin as told by the noise model; what that model leaves out flattens it.
-    const double temperature = 2.0 * overdispersion(best_.fit);
+    for (const Tried& t : tried) top = std::max(top, support(t));
     for (std::size_t k = 0; k < tried.size(); ++k) {
       if (!std::isfinite(tried[k].fit.chi2)) continue;
       const std::string& id = starts_[rivals[k]].front().effects.front().id;
-      weight[id] = std::max(weight[id], std::exp((evidence(tried[k].fit) - top) / temperature));
+      weight[id] = std::max(weight[id], std::exp((support(tried[k]) - top) / kTemperature));
     }
     double sum = 0;
     for (const auto& [id, w] : weight) sum += w;
@@ -692,10 +796,17 @@ class Diagnoser {
       out.share[id] = w;
     }
     out.probability = std::min(0.99, total);
-    for (std::size_t k = 0; k < tried.size(); ++k)
-      if (std::isfinite(tried[k].fit.chi2) && starts_[rivals[k]].front().effects.front().id == out.ids.front() && out.ids.front() != own &&
-          evidence(tried[k].fit) >= top)
-        best_ = tried[k];
+    // The likeliest class leads: two names of one thing share its odds, and a rival must not lead for that.
+    std::map<effects::Class, double> of_class;
+    const auto class_of = [](const std::string& id) { return effects::find_effect(id)->info->cls; };
+    for (const std::string& id : out.ids) of_class[class_of(id)] += out.share[id];
+    std::stable_sort(out.ids.begin(), out.ids.end(), [&](const std::string& a, const std::string& b) { return of_class[class_of(a)] > of_class[class_of(b)]; });
+    if (out.ids.front() != own) {
+      std::size_t first = tried.size();
+      for (std::size_t k = 0; k < tried.size(); ++k)
+        if (starts_[rivals[k]].front().effects.front().id == out.ids.front() && (first == tried.size() || support(tried[k]) > support(tried[first]))) first = k;
+      best_ = tried[first];
+    }
     return out;
   }
 
@@ -839,7 +950,9 @@ class Diagnoser {
     if (!campaign_.complete_belief) return false;
     const double phi = something_off_ ? overdispersion(best_.fit) : overdispersion(plain_.fit);
     const double excess = (believed_.fit.chi2 - plain_.fit.chi2) / phi;
-    return !(excess < gsl_cdf_chisq_Pinv(0.9995, 7));
+    // The scatter itself is known from so many repeats only.
+    const double repeats = std::max(10.0, static_cast<double>(campaign_.runs.size()) - static_cast<double>(campaign_.conditions.size()));
+    return !(excess < 7.0 * gsl_cdf_fdist_Pinv(0.9995, 7, repeats));
   }
 
   // A nameless term wins when it explains clearly more than anything listed, alone or on top of it.
@@ -852,25 +965,25 @@ class Diagnoser {
     // Alone it must beat the listed explanation although that may have more members.
     const double whole = std::max(1.0, cost(plain_.fit) - std::min(cost(best_.fit), cost(best_free)));
     const double short_by = (cost(best_.fit) - cost(best_free)) / whole;
-    const bool alone = evidence(best_free) - evidence(best_.fit) > 12.0 * overdispersion(best_free) && short_by > 0.04;
+    const bool alone = support(singles_[top]) - support(best_) > kFurther && short_by > 0.04;
     // On top of it, what is left must be large: the listed effect then is not the cause, or not all of it.
     std::vector<Tried> on_top;
     std::vector<Hypothesis> list = nameless(campaign_);
     const Hypothesis from = continued(model_, best_);
-    const double phi = overdispersion(best_.fit);
-    if (phi > 1.25) {
+    const bool poor = leaves_much(best_);
+    if (poor || overdispersion(best_.fit) > 1.25) {
       on_top.resize(list.size());
       parallel_for(list.size(), options_.threads, [&](std::size_t i) {
         Hypothesis h = joined(from, list[i]);
         on_top[i] = {h, model_.fit(h, best_.fit.base, {}, {}, 8)};
       });
     }
+    note(on_top);
     const Tried* more = nullptr;
     for (const Tried& t : on_top)
       if (std::isfinite(t.fit.chi2) && (!more || cost(t.fit) < cost(more->fit))) more = &t;
-    const bool rest = more && (cost(best_.fit) - cost(more->fit)) / overdispersion(more->fit) > 40.0 &&
-                      (cost(best_.fit) - cost(more->fit)) > 0.15 * (cost(plain_.fit) - cost(best_.fit));
-    if (!alone && !rest) return false;
+    if (!alone && !poor) return false;
+    if (!alone && !more) return false;
     const Tried& t = alone ? singles_[top] : *more;
     const int ch = t.hypothesis.free_channel;
     free_form_ = fmt::format("{} changes by {:.3g} {} x {} x (normal_load/{:.4g} N)^{}{}", channel_name(ch), t.fit.extra.back(), channel_unit(ch),
@@ -892,7 +1005,10 @@ class Diagnoser {
       std::vector<std::string> ids;
       switch (l.lock) {
         case Lock::wheel:
+          if (l.order > kMostLugs) break;
           if (sinkage_leads || (l.relative > 0.01 && l.score > 15)) ids = {l.order <= 2 ? "eccentricity" : "grousers"};
+          // Lugs work on the soil and so on every channel; a carriage that swings shows in the pull alone.
+          if (!ids.empty() && l.order > 2 && can_be(l, Lock::time) && pull_alone(l)) ids = {"carriage_resonance"};
           break;
         case Lock::slip_path:
           if (l.relative > kNaturalRipple) ids = {"periodic_failure"};
@@ -906,7 +1022,8 @@ class Diagnoser {
       }
       for (const Lock a : l.alternatives) {
         if (ids.empty()) break;
-        if (a == Lock::wheel) ids.push_back(l.order <= 2 ? "eccentricity" : "grousers");
+        if (ids.front() == "carriage_resonance" && pull_alone(l)) break;
+        if (a == Lock::wheel && l.order <= kMostLugs) ids.push_back(l.order <= 2 ? "eccentricity" : "grousers");
         if (a == Lock::time) ids.push_back("carriage_resonance");
         if (a == Lock::travel) ids.push_back("node_ripple");
         if (a == Lock::slip_path) ids.push_back("periodic_failure");
@@ -1086,7 +1203,7 @@ class Diagnoser {
     if (best_.hypothesis.effects.size() > 1) all.push_back(best_);
     for (const Tried& t : all) {
       if (!std::isfinite(t.fit.chi2)) continue;
-      out_.candidates.push_back({t.hypothesis.label(), (evidence(t.fit) - evidence(plain_.fit)) / (2.0 * overdispersion(t.fit)), gain(t.fit), model_.effects_of(t.hypothesis, t.fit)});
+      out_.candidates.push_back({t.hypothesis.label(), (support(t) - support(plain_)) / kTemperature, gain(t.fit), model_.effects_of(t.hypothesis, t.fit)});
     }
     std::stable_sort(out_.candidates.begin(), out_.candidates.end(), [](const Candidate& a, const Candidate& b) { return a.log_evidence > b.log_evidence; });
   }
@@ -1159,6 +1276,15 @@ class Diagnoser {
       }
       if (weight > 0 && std::abs(improvement) > best_ratio) {
         best_ratio = std::abs(improvement);
+        out_.replay = {};
+        out_.replay.held_out = block.name;
+        for (std::size_t r = 0; r < campaign_.runs.size(); ++r)
+          if (blocks[b].second[r]) out_.replay.runs.push_back(r);
+        out_.replay.soil_before = model_.soil_of(before[b].fit.base);
+        out_.replay.soil_after = model_.soil_of(after[b].fit.base);
+        out_.replay.angles_before = model_.angles_of(before[b].fit.base);
+        out_.replay.angles_after = model_.angles_of(after[b].fit.base);
+        out_.replay.effects = finite_effects(h, after[b].fit);
         out_.prediction_held = improvement > 0;
         out_.prediction = fmt::format("Fitted without {} ({} runs), the model with {} predicts those runs with a drawbar-pull error of {:.3g} N and a sinkage error of {:.3g} mm; without it {:.3g} N and {:.3g} mm.",
                                       block.name, block.runs, after_.hypothesis.label(), block.after[0], 1e3 * block.after[2], block.before[0], 1e3 * block.before[2]);
@@ -1185,11 +1311,18 @@ class Diagnoser {
                        {"a1", "-", campaign_.believed_angles.a1, ra.a1, fa.a1, deviation(kA1)}};
     out_.soil = fitted;
     out_.angles = fa;
-    for (const auto& [id, values] : model_.effects_of(after_.hypothesis, after_.fit)) {
-      bool null = false;
-      for (const auto& [name, v] : values) null = null || !std::isfinite(v);
-      if (!null) out_.corrected_effects[id] = values;
-    }
+    out_.corrected_effects = finite_effects(after_.hypothesis, after_.fit);
+  }
+
+  // The effects of a fit that are switched on.
+  std::map<std::string, std::map<std::string, double>> finite_effects(const Hypothesis& h, const Fit& f) const {
+    auto out = model_.effects_of(h, f);
+    // What a run lacks at its start is no parameter of the law.
+    if (const auto found = out.find("run_in"); found != out.end()) std::erase_if(found->second, [](const auto& v) { return v.first != "length"; });
+    std::erase_if(out, [](const auto& e) {
+      return std::any_of(e.second.begin(), e.second.end(), [](const auto& v) { return !std::isfinite(v.second); });
+    });
+    return out;
   }
 
   std::string worst_parameters() const {
@@ -1246,6 +1379,8 @@ class Diagnoser {
     }
   }
 
+  std::array<double, kChannels + 1> lowest_{};
+  double lowest_penalty_ = 0.0;
   struct Detect {
     std::string key;
     double deviation;

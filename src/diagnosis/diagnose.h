@@ -68,11 +68,27 @@ struct Candidate {
   std::map<std::string, std::map<std::string, double>> effects;
 };
 
+// A further effect that was considered on top of an explanation.
+struct Growth {
+  std::string label;       // with it
+  double support = 0.0;    // what it brings, nats
+  std::array<double, kChannels> before{}, after{};  // misfit of runs' means over their scatter
+};
+
 // A held-out block: everything at one load, speed, pass or stretch of slips.
 struct Block {
   std::string name;
   int runs = 0;
   std::array<double, kChannels> before{}, after{};  // root mean square error of runs' means
+};
+
+// Both models as they were fitted without one block, so that a simulation in time can be held against that block.
+struct Replay {
+  std::string held_out;  // the block's name; empty: none
+  std::vector<std::size_t> runs;  // of Diagnosis::runs
+  bekker::Soil soil_before, soil_after;
+  bekker::ContactAngles angles_before, angles_after;
+  std::map<std::string, std::map<std::string, double>> effects;  // of the model after
 };
 
 // Means of one run beside both models, for tables and pictures.
@@ -96,7 +112,9 @@ struct Diagnosis {
 
   // Beyond the contract, for the report.
   std::vector<Candidate> candidates;
+  std::vector<Growth> growth;
   std::vector<Block> blocks;
+  Replay replay;
   std::vector<RunComparison> runs;
   std::vector<RippleLine> ripples;
   std::map<std::string, Estimate> detectable;  // smallest strength that would have been seen, by "id.parameter"

@@ -16,7 +16,6 @@ namespace terrode::diagnosis {
 namespace {
 
 constexpr int kNodes = 6;  // in time, where an effect changes the soil along a run
-constexpr int kFewNodes = 3;  // where it does so linearly
 
 // Effects whose soil part changes along a run, so that one steady state does not do.
 bool varies_along_run(const std::string& id) { return id == "density_gradient" || id == "wall_effect" || id == "run_in"; }
@@ -41,6 +40,11 @@ double si_value(const FitParameter& p, double coordinate) {
   if (p.scale == effects::Scale::inverse && coordinate < p.least) return effects::kInfinity;
   return from_coordinate(coordinate, p.scale);
 }
+
+// How much of its steady value a run that runs in lacks at its start: fitted beside the length, a property of the
+// recording and not of the law.
+constexpr const char* kForceShare = "force_share";
+constexpr const char* kSinkageShare = "sinkage_share";
 
 struct Readings {  // of one condition, at one or kNodes times
   std::vector<double> time;
@@ -127,6 +131,8 @@ std::string Hypothesis::label() const {
   return out.empty() ? "plain" : out;
 }
 
+double usual_start_up(double radius) { return std::max(0.035, 0.3 * radius); }
+
 Model::Model(const Campaign& campaign) : campaign_(&campaign) {
   std::vector<double> loads;
   for (const Condition& c : campaign.conditions) loads.push_back(c.normal_load);
@@ -181,6 +187,8 @@ std::vector<FitParameter> Model::parameters_of(const Hypothesis& h) const {
     const effects::EffectType* type = effects::find_effect(h.effects[e].id);
     for (const effects::Parameter& p : type->info->parameters) {
       if (p.scale == effects::Scale::choice) continue;
+      // A wheel's means show one stiffness of unloading: how it grows with depth is left at what is given.
+      if (h.effects[e].id == "unloading" && p.name == "A_u") continue;
       FitParameter f{e, std::string(p.name), p.scale, 0, 0, 0, 0, 0, p.strength, 0};
       const double lo = to_coordinate(p.lower, p.scale), hi = to_coordinate(p.upper, p.scale);
       f.lower = std::min(lo, hi);
@@ -203,6 +211,10 @@ std::vector<FitParameter> Model::parameters_of(const Hypothesis& h) const {
       }
       out.push_back(f);
     }
+    if (h.effects[e].id == "run_in") {
+      out.push_back({e, kForceShare, effects::Scale::linear, 0, -0.5, 1.2, 0.5, 0.4, false, -0.5});
+      out.push_back({e, kSinkageShare, effects::Scale::linear, 0, -0.5, 1.0, 0.3, 0.3, false, -0.5});
+    }
   }
   return out;
 }
@@ -210,6 +222,7 @@ std::vector<FitParameter> Model::parameters_of(const Hypothesis& h) const {
 std::map<std::string, std::map<std::string, double>> Model::effects_of(const Hypothesis& h, const Fit& fit) const {
   std::map<std::string, std::map<std::string, double>> out;
   for (const Hypothesis::Member& m : h.effects) out[m.id] = m.start;
+  // (all parameters, those of the recording too: a fit goes on from them)
   for (std::size_t i = 0; i < fit.parameters.size(); ++i)
     out[h.effects[fit.parameters[i].effect].id][fit.parameters[i].name] = si_value(fit.parameters[i], fit.extra[i]);
   return out;
@@ -231,6 +244,14 @@ Model::Vector Model::evaluate(const Hypothesis& h, const std::vector<FitParamete
   for (std::size_t i = 0; i < parameters.size(); ++i)
     wanted[h.effects[parameters[i].effect].id][parameters[i].name] =
         si_value(parameters[i], all(kBaseCount + static_cast<Eigen::Index>(i)));
+  double run_in = 0, lacks[kChannels] = {0, 0, 0};
+  if (const auto found = wanted.find("run_in"); found != wanted.end()) {
+    run_in = found->second.at("length");
+    const auto share = [&](const char* name, double usual) { return found->second.contains(name) ? found->second.at(name) : usual; };
+    lacks[0] = lacks[1] = share(kForceShare, 0.5);
+    lacks[2] = share(kSinkageShare, 0.3);
+    wanted.erase(found);
+  }
   effects::EffectSet set;
   try {
     set = effects::EffectSet(wanted);
@@ -238,13 +259,10 @@ Model::Vector Model::evaluate(const Hypothesis& h, const std::vector<FitParamete
     out.ok = false;
     return out;
   }
-  bool along = false, curved = false;
+  bool along = false;
   double lag[kChannels] = {0, 0, 0};
-  bool turning = false;
   for (const auto& e : set.effects()) {
     along = along || varies_along_run(std::string(e->info().id));
-    turning = turning || e->info().id == "run_in";
-    curved = curved || e->info().id == "run_in" || e->info().id == "wall_effect";
     if (e->info().id == "sensor_lag") lag[static_cast<int>(e->values()[1])] += e->values()[0];
   }
   bekker::PointLaw law;
@@ -266,7 +284,7 @@ Model::Vector Model::evaluate(const Hypothesis& h, const std::vector<FitParamete
     for (std::size_t k = 0; k < c.conditions.size(); ++k) {
       if (!needed[k]) continue;
       const Condition& q = c.conditions[k];
-      const int nodes = along && end[k] > 0 ? (curved ? kNodes : kFewNodes) : 1;
+      const int nodes = along && end[k] > 0 ? kNodes : 1;
       for (int i = 0; i < nodes; ++i) {
         bekker::Operating op;
         op.slip = q.slip;
@@ -277,8 +295,7 @@ Model::Vector Model::evaluate(const Hypothesis& h, const std::vector<FitParamete
         op.time = nodes > 1 ? node_time(i, nodes, end[k]) : 0.5 * end[k];
         op.position = q.forward_velocity * op.time;
         op.travel_length = c.travel_length;
-        // The angle is what run-in counts; ripples are looked for elsewhere and stay at their zero crossing here.
-        op.wheel_angle = turning ? rim_speed(q, c.wheel.radius) * op.time / c.wheel.radius : 0.0;
+        op.wheel_angle = 0.0;  // ripples are looked for elsewhere and stay at their zero crossing here
         const bekker::SteadyState s = wheel.solve(op);
         readings[k].time.push_back(op.time);
         readings[k].at.push_back({s.drawbar_pull, s.driving_torque, s.sinkage, q.normal_load});
@@ -331,6 +348,7 @@ Model::Vector Model::evaluate(const Hypothesis& h, const std::vector<FitParamete
             rest = std::exp(-bin.time / t0) * (u > 1e-6 ? std::sinh(std::min(u, 500.0)) / u : 1.0);
           }
           *value[ch] *= 1.0 - start[ch] * rest;
+          if (run_in > 0) *value[ch] *= 1.0 - lacks[ch] * std::exp(-bin.time * speed / run_in);
         }
       }
       y.normal_load = q.normal_load;
@@ -400,6 +418,7 @@ void Model::factorise(const Eigen::VectorXd& base) {
   const Vector vk = evaluate(plain, {}, bk, {}), vp = evaluate(plain, {}, bp, {});
   if (!v0.ok || !vk.ok || !vp.ok) throw RunError("diagnose: the plain model has no solution at the soil's parameters; check the soil and the loads");
   run_factor_.clear();
+  channel_factor_.clear();
   for (std::size_t r = 0; r < c.runs.size(); ++r) {
     const RunData& run = c.runs[r];
     const Condition& q = c.conditions[static_cast<std::size_t>(run.condition)];
@@ -426,6 +445,17 @@ void Model::factorise(const Eigen::VectorXd& base) {
         var += std::pow(0.1 * early(at + b), 2);
         cov(at + b, at + b) += std::max(var, 1e-24);
       }
+      if (noise_.eccentricity > 0 && !run.steady) {
+        const double lever = noise_.eccentricity * (ch == 2 ? 1.0 : ch == 1 ? q.normal_load : q.normal_load / c.wheel.radius);
+        for (const bool quarter : {false, true}) {
+          Eigen::VectorXd turn = Eigen::VectorXd::Zero(n);
+          for (Eigen::Index b = 0; b < m; ++b) {
+            const double psi = q.angular_velocity * run.bins[static_cast<std::size_t>(b)].time;
+            turn(at + b) = lever / std::numbers::sqrt2 * (quarter ? std::sin(psi) : std::cos(psi));
+          }
+          cov += turn * turn.transpose();
+        }
+      }
       double between = std::pow(noise_.floor[ch], 2);
       if (ch == 2) between += std::pow(noise_.datum, 2);
       cov += between * common * common.transpose() + early * early.transpose();
@@ -433,6 +463,15 @@ void Model::factorise(const Eigen::VectorXd& base) {
     }
     cov += std::pow(noise_.ln_k, 2) * jk * jk.transpose() + std::pow(noise_.phi, 2) * jp * jp.transpose();
     run_factor_.push_back(Eigen::LLT<Eigen::MatrixXd>(cov).matrixL());
+    std::array<Eigen::MatrixXd, kChannels> alone;
+    at = 0;
+    for (std::size_t ch = 0; ch < kChannels; ++ch) {
+      if (!run.has[ch]) continue;
+      const auto m = static_cast<Eigen::Index>(run.bins.size());
+      alone[ch] = Eigen::LLT<Eigen::MatrixXd>(cov.block(at, at, m, m)).matrixL();
+      at += m;
+    }
+    channel_factor_.push_back(std::move(alone));
   }
   curve_factor_.clear();
   for (std::size_t i = 0; i < c.curves.size(); ++i) {
@@ -455,6 +494,26 @@ void Model::factorise(const Eigen::VectorXd& base) {
   }
 }
 
+namespace {
+
+// Measured less predicted along a curve, as relative as its noise is.
+Eigen::VectorXd curve_deviation(const Curve& curve, const std::vector<double>& predicted) {
+  const double top = *std::max_element(curve.y.begin(), curve.y.end());
+  Eigen::VectorXd d(static_cast<Eigen::Index>(curve.x.size()));
+  for (std::size_t k = 0; k < curve.x.size(); ++k) {
+    const double p = predicted[k];
+    d(static_cast<Eigen::Index>(k)) = curve.shear ? (curve.y[k] - p) / top : (curve.y[k] - p) / std::max(p, 0.01 * top);
+  }
+  return d;
+}
+
+}  // namespace
+
+void Model::allow_eccentricity(double offset, const Eigen::VectorXd& base) {
+  noise_.eccentricity = offset;
+  factorise(base);
+}
+
 Eigen::VectorXd Model::whiten(const Vector& v, const std::vector<char>& use) const {
   const Campaign& c = *campaign_;
   std::vector<double> out;
@@ -469,17 +528,31 @@ Eigen::VectorXd Model::whiten(const Vector& v, const std::vector<char>& use) con
     out.insert(out.end(), d.data(), d.data() + d.size());
   }
   for (std::size_t i = 0; i < c.curves.size(); ++i) {
-    const Curve& curve = c.curves[i];
-    const double top = *std::max_element(curve.y.begin(), curve.y.end());
-    Eigen::VectorXd d(curve_factor_[i].rows());
-    for (std::size_t k = 0; k < curve.x.size(); ++k) {
-      const double p = v.curves[i][k];
-      d(static_cast<Eigen::Index>(k)) = curve.shear ? (curve.y[k] - p) / top : (curve.y[k] - p) / std::max(p, 0.01 * top);
-    }
+    Eigen::VectorXd d = curve_deviation(c.curves[i], v.curves[i]);
     curve_factor_[i].triangularView<Eigen::Lower>().solveInPlace(d);
     out.insert(out.end(), d.data(), d.data() + d.size());
   }
   return Eigen::Map<Eigen::VectorXd>(out.data(), static_cast<Eigen::Index>(out.size()));
+}
+
+std::array<double, kChannels + 1> Model::misfit_of(const Vector& v) const {
+  const Campaign& c = *campaign_;
+  std::array<double, kChannels + 1> out{};
+  for (std::size_t r = 0; r < c.runs.size(); ++r)
+    for (std::size_t ch = 0; ch < kChannels; ++ch) {
+      const std::vector<double>& y = c.runs[r].mean[ch];
+      if (y.empty()) continue;
+      Eigen::VectorXd d(static_cast<Eigen::Index>(y.size()));
+      for (std::size_t b = 0; b < y.size(); ++b) d(static_cast<Eigen::Index>(b)) = y[b] - v.runs[r][ch][b];
+      channel_factor_[r][ch].triangularView<Eigen::Lower>().solveInPlace(d);
+      out[ch] += d.squaredNorm();
+    }
+  for (std::size_t i = 0; i < c.curves.size(); ++i) {
+    Eigen::VectorXd d = curve_deviation(c.curves[i], v.curves[i]);
+    curve_factor_[i].triangularView<Eigen::Lower>().solveInPlace(d);
+    out[kChannels] += d.squaredNorm();
+  }
+  return out;
 }
 
 void Model::priors(const std::vector<FitParameter>& parameters, Eigen::VectorXd& mean, Eigen::VectorXd& deviation) const {
@@ -533,7 +606,7 @@ Fit Model::fit(const Hypothesis& h, const Eigen::VectorXd& start, const std::vec
     p(kN) = std::clamp(p(kN), 0.1, 3.0);
     p(kA0) = std::clamp(p(kA0), 0.0, 1.0);
     p(kA1) = std::clamp(p(kA1), -0.9, 1.9);
-    p(kLnRunIn) = std::clamp(p(kLnRunIn), std::log(1e-4), std::log(0.5));
+    p(kLnRunIn) = std::clamp(p(kLnRunIn), std::log(1e-4), std::log(usual_start_up(campaign_->wheel.radius)));
     for (std::size_t i = 0; i < out.parameters.size(); ++i) {
       double& v = p(kBaseCount + static_cast<Eigen::Index>(i));
       v = std::clamp(v, out.parameters[i].lower, out.parameters[i].upper);
@@ -627,7 +700,12 @@ Fit Model::fit(const Hypothesis& h, const Eigen::VectorXd& start, const std::vec
   for (Eigen::Index a = 0; a < na; ++a) log_det += std::log(std::max(1e-300, factor.vectorD()(a)));
   double log_prior = 0;
   for (const Eigen::Index i : active) log_prior -= std::log(deviation(i));
-  out.log_evidence = -0.5 * best + log_prior - 0.5 * log_det;
+  out.occam = log_prior - 0.5 * log_det;
+  out.log_evidence = -0.5 * best + out.occam;
+  if (use.empty()) {
+    const Vector v = evaluate(h, out.parameters, x, use);
+    if (v.ok) out.misfit = misfit_of(v);
+  }
   out.covariance = Eigen::MatrixXd::Zero(n, n);
   const Eigen::MatrixXd inverse = factor.solve(Eigen::MatrixXd::Identity(na, na));
   for (Eigen::Index a = 0; a < na; ++a)

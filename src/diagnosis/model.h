@@ -44,6 +44,9 @@ struct Hypothesis {
   std::string label() const;
 };
 
+// The longest start-up that every run has, as rim path [m]; what settles later is run-in.
+double usual_start_up(double radius);
+
 // Shapes of the nameless term over slip, with their text.
 int free_shape_count();
 const char* free_shape_text(int shape);
@@ -53,6 +56,7 @@ struct Noise {
   double ln_k = 0.03;      // run-to-run deviation of ln k (soil prepared anew)
   double phi = 0.0052;     // of the friction angle, rad
   double datum = 0.0003;   // of the sinkage datum, m
+  double eccentricity = 0; // a sine once per turn in the sinkage, at any phase, m; in torque it is the load's lever
   std::array<double, kChannels> sample{};   // deviation of a bin mean times sqrt(samples)
   std::array<double, kChannels> floor{};    // of a run's mean beyond all that
   bool from_replicates = false;
@@ -65,6 +69,9 @@ struct Fit {
   double chi2 = 0.0;                    // of the data
   double penalty = 0.0;                 // of the priors
   double log_evidence = 0.0;            // Laplace, up to a constant common to all hypotheses
+  double occam = 0.0;                   // of that, what the width of the priors and of the posterior gives
+  // Chi-square of each channel by itself, then of the soil tests; of fits to all runs.
+  std::array<double, kChannels + 1> misfit{};
   Eigen::MatrixXd covariance;           // of base and extra
   int data = 0;
   bool converged = false;
@@ -86,6 +93,9 @@ class Model {
 
   // Estimates run-to-run scatter from replicates and bin noise from within runs, around the model at `base`.
   void estimate_noise(const Eigen::VectorXd& base);
+
+  // Counts a wheel out of round by `offset` [m] as scatter: its phase is another in every run.
+  void allow_eccentricity(double offset, const Eigen::VectorXd& base);
 
   // Minimises the whitened misfit plus priors over base parameters and the hypothesis' own, from `start`.
   // `fixed`: base parameters that stay. `use`: runs that take part (empty: all); curves always take part.
@@ -117,12 +127,14 @@ class Model {
   Vector evaluate(const Hypothesis& h, const std::vector<FitParameter>& parameters, const Eigen::VectorXd& all,
                   const std::vector<char>& use, SteadyCache* cache = nullptr) const;
   Eigen::VectorXd whiten(const Vector& v, const std::vector<char>& use) const;
+  std::array<double, kChannels + 1> misfit_of(const Vector& v) const;
   void factorise(const Eigen::VectorXd& base);
   void priors(const std::vector<FitParameter>& parameters, Eigen::VectorXd& mean, Eigen::VectorXd& deviation) const;
 
   const Campaign* campaign_;
   Noise noise_;
   std::vector<Eigen::MatrixXd> run_factor_;    // Cholesky factors of the runs' covariances
+  std::vector<std::array<Eigen::MatrixXd, kChannels>> channel_factor_;  // of each channel by itself
   std::vector<Eigen::MatrixXd> curve_factor_;
   std::vector<double> curve_noise_;
   double reference_load_ = 1.0;

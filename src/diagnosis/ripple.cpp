@@ -149,6 +149,62 @@ void judge(RippleLine& line, const std::vector<Spectrum>& spectra) {
   line.relative = median(relative);
 }
 
+// A wheel that runs out of round once per turn lifts its axle by the same amount in every run, whatever phase a run
+// starts at: a sine of the wheel's angle in the sinkage, in the runs that turn far enough to tell it from a trend.
+RippleLine find_eccentricity(const Campaign& c, double run_in_length) {
+  RippleLine out;
+  out.lock = Lock::wheel;
+  out.order = 1;
+  std::vector<double> size, significance, torque, pull;
+  for (const RunData& run : c.runs) {
+    const Condition& q = c.conditions[static_cast<std::size_t>(run.condition)];
+    if (run.time.size() < 64 || run.series[2].empty() || !(q.angular_velocity > 0)) continue;
+    const double begin = std::min(4.0 * run_in_length / (q.angular_velocity * c.wheel.radius), 0.5 * run.time.back());
+    const auto first = static_cast<std::size_t>(std::lower_bound(run.time.begin(), run.time.end(), begin) - run.time.begin());
+    const double turns = q.angular_velocity * (run.time.back() - run.time[first]) / (2 * std::numbers::pi);
+    const auto n = static_cast<Eigen::Index>(run.time.size() - first);
+    if (turns < 0.8 || turns > 0.2 * static_cast<double>(n)) continue;
+    Eigen::MatrixXd a(n, 4);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const double t = run.time[first + static_cast<std::size_t>(i)], psi = q.angular_velocity * t;
+      a.row(i) << 1, t, std::cos(psi), std::sin(psi);
+    }
+    const Eigen::MatrixXd normal = (a.transpose() * a).inverse();
+    std::array<double, kChannels> amplitude{};
+    double sigma = 0;
+    bool whole = true;
+    for (std::size_t ch = 0; ch < kChannels; ++ch) {
+      if (run.series[ch].empty()) continue;
+      Eigen::VectorXd y(n);
+      for (Eigen::Index i = 0; i < n; ++i) y(i) = run.series[ch][first + static_cast<std::size_t>(i)];
+      if (!y.allFinite()) {
+        whole = false;
+        break;
+      }
+      const Eigen::VectorXd x = normal * (a.transpose() * y), left = y - a * x;
+      amplitude[ch] = std::hypot(x(2), x(3));
+      if (ch != 2) continue;
+      const double rho = std::clamp(left.head(n - 1).dot(left.tail(n - 1)) / std::max(1e-300, left.squaredNorm()), 0.0, 0.95);
+      sigma = std::sqrt(left.squaredNorm() / static_cast<double>(n - 4) * std::max(normal(2, 2), normal(3, 3)) * (1 + rho) / (1 - rho));
+    }
+    if (!whole || !(sigma > 0)) continue;
+    size.push_back(amplitude[2]);
+    significance.push_back(amplitude[2] / sigma);
+    pull.push_back(amplitude[0]);
+    torque.push_back(amplitude[1]);
+  }
+  if (size.size() < 2) return out;
+  const double middle = median(size), least = *std::min_element(significance.begin(), significance.end());
+  double spread = 0;
+  for (const double v : size) spread = std::max(spread, std::abs(v / middle - 1.0));
+  if (least < 5.0 || spread > 0.5) return out;
+  out.score = median(significance);
+  out.deviations = least * std::sqrt(static_cast<double>(size.size()));
+  out.amplitude = {median(pull), median(torque), middle};
+  out.channel_score = {0, 0, 100};
+  return out;
+}
+
 }  // namespace
 
 const char* lock_name(Lock lock) {
@@ -236,6 +292,21 @@ RippleSearch find_ripples(const Campaign& campaign, double run_in_length) {
       shadow = shadow || mostly;
     }
     if (!shadow) kept.push_back(l);
+  }
+  const RippleLine once = find_eccentricity(campaign, run_in_length);
+  if (once.score > 0) {
+    // The same line may have been seen through another lock.
+    std::erase_if(kept, [&](const RippleLine& l) {
+      int same = 0, both = 0;
+      for (const Spectrum& s : spectra) {
+        const double f = frequency_in(l, s), g = frequency_in(once, s);
+        if (f < s.resolution || g < s.resolution) continue;
+        ++both;
+        if (std::abs(f - g) < 1.5 * s.resolution) ++same;
+      }
+      return both > 0 && 2 * same > both;
+    });
+    kept.push_back(once);
   }
   out.lines = std::move(kept);
   return out;

@@ -14,9 +14,10 @@ const Info& info() {
       "surface not parallel to the rail",
       "The soil's surface falls away from or rises to the rail, so that the measured sinkage grows along "
       "the travel.",
-      "z_measured = z + slope x, DP = DP + W slope",
+      "z_measured = z + slope x, DP = DP + grade W slope",
       "geometry",
-      {{"slope", "-", 0, -0.1, 0.1, 0.005, 0.005, Scale::linear, true, "sinkage per metre of travel"}},
+      {{"slope", "-", 0, -0.1, 0.1, 0.005, 0.005, Scale::linear, true, "sinkage per metre of travel"},
+       {"grade", "-", 1, 0, 1, 1, 1, Scale::choice, false, "1: the surface falls, and the wheel rolls down it; 0: the rail rises, and the sinkage is measured from it"}},
       "bed",
       {0, 0, 1, false, false, true, false, false,
        "sinkage linear along the travel, the same in every run; pull up by a small share of the load, torque unchanged"},
@@ -29,12 +30,20 @@ const Info& info() {
 class BedDrift final : public Effect {
  public:
   using Effect::Effect;
-  bool has_bed() const override { return true; }
-  double bed_height(double x) const override { return -p(0) * x; }
+  bool has_bed() const override { return falls(); }
+  double bed_height(double x) const override { return falls() ? -p(0) * x : 0.0; }
+  bool measures() const override { return !falls(); }
+  void measure(const Sample& m, Reading& r, SensorState&) const override {
+    if (!falls()) r.sinkage += p(0) * m.position;
+  }
   void quasi_static(const Sample& m, Reading& r) const override {
+    if (!falls()) return;
     r.sinkage += p(0) * m.position;
     r.drawbar_pull += m.context.normal_load * p(0);
   }
+
+ private:
+  bool falls() const { return p(1) == 1.0; }
 };
 
 }  // namespace

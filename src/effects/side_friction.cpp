@@ -13,9 +13,11 @@ const Info& info() {
       Class::shear,
       "friction on the sunk side walls",
       "The sides of a sunk wheel rub on the soil beside them.",
-      "tau += factor K0 gamma D^2 tan(phi) cos(theta)/b x mobilised share, K0 = 1 - sin(phi), D the depth",
+      "tau_side = factor K0 gamma D^2 tan(phi) cos(theta)/b, K0 = 1 - sin(phi), D the depth; form 0: tau += tau_side x mobilised "
+      "share; form 1: the sides hold the wheel back, the torque grows by tau_side and the pull falls by as much",
       "constructed here from earth pressure at rest (Jaky 1944)",
-      {{"factor", "-", 0, 0, 10, 1, 1, Scale::linear, true, "times earth pressure at rest"}},
+      {{"factor", "-", 0, 0, 500, 1, 30, Scale::linear, true, "times earth pressure at rest"},
+       {"form", "-", 0, 0, 1, 0, 1, Scale::choice, false, "0: the sides shear with the rim, 1: they drag"}},
       "shear",
       {1, 1, 0, false, false, false, false, false, "more torque and pull where the wheel is deep"},
       {"interface_friction", "curved_failure_envelope"},
@@ -26,13 +28,24 @@ const Info& info() {
 class SideFriction final : public Effect {
  public:
   using Effect::Effect;
-  unsigned hooks() const override { return kShear; }
+  unsigned hooks() const override { return p(1) == 0.0 ? kShear : kTraction; }
+  void traction(const bekker::Context& c, const bekker::Point& q, const bekker::LocalSoil& s, bekker::Stress& out) const override {
+    const double side = on_sides(c, q, s);
+    out.drive += side;
+    out.drag += 2.0 * side;
+  }
   double shear(const bekker::Context& c, const bekker::Point& q, const bekker::LocalSoil& s, double sigma,
                double tau) const override {
     const double base = s.cohesion + sigma * s.tan_phi;
     const double share = base > 0 ? tau / base : 0.0;
+    return tau + on_sides(c, q, s) * share;
+  }
+
+ private:
+  // Shear on both side walls per area of rim, Pa.
+  double on_sides(const bekker::Context& c, const bekker::Point& q, const bekker::LocalSoil& s) const {
     const double k0 = 1.0 - s.tan_phi / std::sqrt(1.0 + s.tan_phi * s.tan_phi);
-    return tau + p(0) * k0 * s.unit_weight * q.depth * q.depth * s.tan_phi * q.cos_theta / c.width * share;
+    return p(0) * k0 * s.unit_weight * q.depth * q.depth * s.tan_phi * q.cos_theta / c.width;
   }
 };
 

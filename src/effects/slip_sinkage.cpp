@@ -14,9 +14,11 @@ const Info& info() {
       "slip sinkage",
       "Slip digs: soil under a slipping wheel is carried away and the pressure-sinkage exponent rises with "
       "the slip ratio, so the wheel sinks more at the same load.",
-      "n = n0 + n1 |s| (beyond s = -1: |s| becomes 2 + 1/s, which ends at 2 for a locked wheel)",
-      "Ding et al. 2011, J. Terramechanics 48:27 (exponent that changes with slip)",
-      {{"n1", "-", 0, -0.3, 2, 0.35, 0.4, Scale::linear, true, "growth of the exponent with slip"}},
+      "form 0: n = n0 + n1 |s|; form 1: the depth at the same pressure times [(1 + |s|)/(1 - |s|/2)]^n1 (beyond s = -1: |s| becomes "
+      "2 + 1/s, which ends at 2 for a locked wheel; in form 1 at 1.5)",
+      "form 0: Ding et al. 2011, J. Terramechanics 48:27 (exponent that changes with slip); form 1: Lyasko 2010, J. Terramechanics 47:21",
+      {{"n1", "-", 0, -0.3, 2, 0.35, 0.4, Scale::linear, true, "growth with slip"},
+       {"form", "-", 0, 0, 1, 0, 1, Scale::choice, false, "0: of the exponent, 1: of the depth"}},
       "pressure",
       {0, 0, 1, false, false, false, false, false,
        "sinkage rises with slip, more than in proportion; pull falls at high slip, torque rises a little"},
@@ -31,7 +33,12 @@ class SlipSinkage final : public Effect {
   unsigned hooks() const override { return kSoil; }
   void soil(const bekker::Context& c, const bekker::Point&, bekker::LocalSoil& s) const override {
     const double a = c.slip >= -1 ? std::abs(c.slip) : 2.0 + 1.0 / c.slip;
-    s.n += p(0) * a;
+    if (p(1) == 0.0) {
+      s.n += p(0) * a;
+    } else {
+      const double b = std::min(a, 1.5);
+      s.k *= std::pow((1.0 + b) / (1.0 - 0.5 * b), -p(0) * s.n);
+    }
   }
 };
 
