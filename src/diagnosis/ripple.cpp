@@ -169,7 +169,7 @@ RippleLine find_eccentricity(const Campaign& c, double run_in_length) {
       const double t = run.time[first + static_cast<std::size_t>(i)], psi = q.angular_velocity * t;
       a.row(i) << 1, t, std::cos(psi), std::sin(psi);
     }
-    const Eigen::MatrixXd normal = (a.transpose() * a).inverse();
+    const Eigen::MatrixXd normal = (a.transpose() * a).ldlt().solve(Eigen::MatrixXd::Identity(4, 4));
     std::array<double, kChannels> amplitude{};
     double sigma = 0;
     bool whole = true;
