@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "core/linear_algebra.h"
+#include "core/linear_algebra.h"
 #include "core/statistics.h"
 
 namespace terrode::diagnosis {
@@ -169,7 +170,7 @@ RippleLine find_eccentricity(const Campaign& c, double run_in_length) {
       const double t = run.time[first + static_cast<std::size_t>(i)], psi = q.angular_velocity * t;
       a.row(i) << 1, t, std::cos(psi), std::sin(psi);
     }
-    const Eigen::MatrixXd normal = (a.transpose() * a).ldlt().solve(Eigen::MatrixXd::Identity(4, 4));
+    const Eigen::MatrixXd normal = inverse(a.transpose() * a);
     std::array<double, kChannels> amplitude{};
     double sigma = 0;
     bool whole = true;
