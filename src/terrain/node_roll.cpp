@@ -161,8 +161,8 @@ void NodeSpringTerrain::Roll::describe() {
       gone = motion.go;
       path = 0.5 * (std::abs(rolled) + std::abs(gone));
       left = std::exp(-path / length);
-    } else {
-      rolled = gone = path;  // set down on a slope, a wheel moves along it a little without turning
+    } else if (std::max(std::abs(v), std::abs(rim_speed)) <= std::abs(twist.v_W.dot(e_d))) {
+      rolled = gone = path;  // set down: on a slope a wheel then moves along it a little without turning
     }
     if (path > 0) {
       const double turned = facing * kept.direction;
