@@ -7,12 +7,9 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
-#include <mutex>
 
 #include "core/units.h"
-#include "recording/careful.h"
 #include "recording/hdf5_file.h"
-#include "recording/hdf5_lock.h"
 #include "recording/mat_file.h"
 
 namespace terrode::recording {
@@ -176,11 +173,7 @@ UnitFactor unit_factor(const std::string& unit, const std::string& si_unit) {
 
 CsvTable read_columns(const std::string& path, const ReadingRule& rule) {
   const std::string extension = lower_extension(path);
-  if (extension == ".h5" || extension == ".hdf5") {
-    const std::lock_guard<std::recursive_mutex> guard(hdf5_lock());
-    if (std::filesystem::is_regular_file(path)) try_in_child(path, [&] { (void)read_hdf5_columns(path, rule.group); });
-    return read_hdf5_columns(path, rule.group);
-  }
+  if (extension == ".h5" || extension == ".hdf5") return read_hdf5_columns(path, rule.group);
   if (extension == ".mat") return read_mat_columns(path, rule.group);
   return read_csv(path, rule.csv);
 }

@@ -13,7 +13,6 @@
 #include <memory>
 #include <vector>
 
-#include "recording/careful.h"
 #include "recording/hdf5_lock.h"
 
 namespace terrode::recording {
@@ -146,19 +145,11 @@ void add_fields(const matvar_t& structure, Collector& into) {
 
 }  // namespace
 
-static CsvTable read_columns_of_mat(const std::string& path, const std::string& group);
-
 CsvTable read_mat_columns(const std::string& path, const std::string& group) {
   const std::lock_guard<std::recursive_mutex> guard(hdf5_lock());
   std::error_code error;
   if (!std::filesystem::exists(path, error)) throw InputError(Problem{path, 0, 0, {}, "no such file", {}});
   if (std::filesystem::is_directory(path, error)) throw InputError(Problem{path, 0, 0, {}, "is a folder", "a file"});
-  if (!std::filesystem::is_regular_file(path, error)) throw InputError(Problem{path, 0, 0, {}, "is a device or pipe", "a file"});
-  try_in_child(path, [&] { (void)read_columns_of_mat(path, group); });
-  return read_columns_of_mat(path, group);
-}
-
-static CsvTable read_columns_of_mat(const std::string& path, const std::string& group) {
   Mat_LogInitFunc("terrode", keep_message);
   library_message().clear();
   auto refuse = [&](const std::string& what) {

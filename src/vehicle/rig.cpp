@@ -252,7 +252,10 @@ void Rig::touch_down(const Progress& progress) {
     // The secant of a law that stiffens with depth is below its tangent; the factor of 10 in the speed covers that.
     double stiffness = std::max(contact_stiffness_, depth > 0.0 ? F / depth : 0.0);
     if (missing < 0.0) stiffness = std::max(stiffness, release_stiffness_);
-    double speed = spec_.lowering_speed;
+    // Ground that answers to the velocity itself is passed to and fro: each time, the servo takes smaller steps.
+    if (missing * missing_ < 0.0) servo_share_ = std::max(1e-3, 0.8 * servo_share_);
+    missing_ = missing;
+    double speed = servo_share_ * spec_.lowering_speed;
     if (stiffness > 0.0) speed = std::clamp(missing / (10.0 * h * stiffness), -speed, speed);
     r.lift.set_motor({-speed});
     if (r.world.time() > spec_.touchdown_time)
@@ -428,11 +431,11 @@ RigState Rig::snapshot() const {
   return {simulation_->snapshot(),
           {static_cast<double>(phase_), ended_ ? 1.0 : 0.0, start_time_, start_position_, start_angle_,
            static_cast<double>(steps_), applied_pull_, drive_work_, start_kinetic_, carried_, contact_stiffness_,
-           let_go_, still_, last_.sinkage, release_stiffness_}};
+           let_go_, still_, last_.sinkage, release_stiffness_, missing_, servo_share_}};
 }
 
 void Rig::restore(const RigState& state) {
-  if (state.numbers.size() != 15 || !(state.numbers[0] >= 0.0 && state.numbers[0] <= 2.0)) throw InputError(Problem{{}, 0, 0, "snapshot", "is not of a rig", {}});
+  if (state.numbers.size() != 17 || !(state.numbers[0] >= 0.0 && state.numbers[0] <= 2.0)) throw InputError(Problem{{}, 0, 0, "snapshot", "is not of a rig", {}});
   simulation_->restore(state.simulation);
   const double* s = state.numbers.data();
   phase_ = static_cast<Phase>(static_cast<int>(s[0]));
@@ -450,6 +453,8 @@ void Rig::restore(const RigState& state) {
   still_ = s[12];
   last_.sinkage = s[13];
   release_stiffness_ = s[14];
+  missing_ = s[15];
+  servo_share_ = s[16];
 }
 
 }  // namespace terrode::vehicle

@@ -175,6 +175,7 @@ class Rig {
   Phase phase_ = Phase::lowering;
   bool ended_ = false;
   double carried_ = 0.0, contact_stiffness_ = 0.0, release_stiffness_ = 0.0;  // N, N/m, vertical, of the last step
+  double missing_ = 0.0, servo_share_ = 1.0;        // of the touchdown's servo: load that is missing [N], of its speed
   double let_go_ = 0.0, still_ = 0.0;               // s: when the servo let go; how long the wheel has been at rest
   double start_time_ = 0.0, start_position_ = 0.0, start_angle_ = 0.0;
   std::uint64_t steps_ = 0;  // since time zero

@@ -1,16 +1,16 @@
-// 10,000 random scenarios by the steady wheel and a few on node-spring ground; random_scenarios_long_test.cpp has more of
-// the latter.
+// Random scenarios by the steady wheel and a few on node-spring ground; random_scenarios_long_test.cpp has 10,000 and
+// thousands.
 #include "random_scenarios.h"
 
 namespace terrode::scenario {
 namespace {
 
-TEST(RandomScenarios, TenThousandBySteadyWheel) {
+TEST(RandomScenarios, SomeBySteadyWheel) {
   Tally tally;
-  for (std::uint64_t i = 0; i < 10'000 && !::testing::Test::HasFailure(); ++i) try_scenario(1, i, "steady", 10.0, tally);
+  for (std::uint64_t i = 0; i < 300 && !::testing::Test::HasFailure(); ++i) try_scenario(1, i, "steady", 10.0, tally);
   EXPECT_EQ(tally.stopped, 0);
-  EXPECT_GT(tally.results, 3000) << "refused " << tally.refused << ", failed " << tally.failed;
-  EXPECT_GT(tally.refused, 1000);
+  EXPECT_GT(tally.results, 60) << "refused " << tally.refused << ", failed " << tally.failed;
+  EXPECT_GT(tally.refused, 20);
 }
 
 TEST(RandomScenarios, SomeOnNodeSpring) {
