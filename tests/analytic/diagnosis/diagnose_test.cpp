@@ -18,6 +18,8 @@ struct Truth {
   effects::EffectSet effects;
   std::function<void(const Condition&, double* channels)> change = [](const Condition&, double*) {};
   std::function<double(const Condition&, double t)> ripple = [](const Condition&, double) { return 0.0; };
+  double out_of_round = 0.0;  // m, once per turn, at another phase in each run
+  double run_in = 0.0;        // m of rim path over which forces grow by half
   unsigned long seed = 1;
   int repeats = 2;
   bool tests = true;
@@ -65,12 +67,14 @@ recording::Recording campaign(const Truth& truth) {
       run.condition.angular_velocity = q.angular_velocity;
       run.condition.repeat = repeat;
       run.channels = {{"drawbar_pull", "N", {}}, {"driving_torque", "N m", {}}, {"sinkage", "m", {}}};
+      const double phase = truth.out_of_round > 0 ? 6.28 * random.uniform() : 0.0;
       for (int i = 0; i < 200; ++i) {
         const double t = 0.05 * i, x = q.angular_velocity * 0.13 * t, settled = 1 - std::exp(-x / 0.02);
         run.time.push_back(t);
-        run.channels[0].values.push_back(y[0] * settled + truth.ripple(q, t) + 0.8 * random.normal());
-        run.channels[1].values.push_back(y[1] * settled + 0.13 * truth.ripple(q, t) + 0.1 * random.normal());
-        run.channels[2].values.push_back(y[2] * (1 - 0.15 * (1 - settled)) + 2e-4 * random.normal());
+        const double late = truth.run_in > 0 ? 1 - 0.5 * std::exp(-x / truth.run_in) : 1.0;
+        run.channels[0].values.push_back(y[0] * settled * late + truth.ripple(q, t) + 0.8 * random.normal());
+        run.channels[1].values.push_back(y[1] * settled * late + 0.13 * truth.ripple(q, t) + 0.1 * random.normal());
+        run.channels[2].values.push_back(y[2] * (1 - 0.15 * (1 - settled)) * (0.4 + 0.6 * late) + truth.out_of_round * std::cos(q.angular_velocity * t + phase) + 2e-4 * random.normal());
       }
       out.runs.push_back(std::move(run));
     }
@@ -156,6 +160,33 @@ TEST(Diagnose, FindsLugsInTheOrderSpectrum) {
   const Diagnosis d = diagnose(campaign(truth));
   ASSERT_TRUE(names(d, "grousers")) << d.statement;
   EXPECT_EQ(d.effects[0].parameters.at("count").value, 18);
+}
+
+TEST(Diagnose, SeesAWheelOutOfRoundAtAnyPhase) {
+  Truth truth;
+  truth.out_of_round = 7e-4;
+  const Diagnosis d = diagnose(campaign(truth));
+  ASSERT_EQ(d.effects.size(), 1u) << d.statement;
+  EXPECT_EQ(d.effects.front().ids, std::vector<std::string>{"eccentricity"}) << d.statement;
+  // Two runs turn far enough; a sine fitted to their noise of 0.2 mm is off by less than a twentieth.
+  EXPECT_NEAR(d.effects.front().parameters.at("offset").value, 7e-4, 0.05 * 7e-4);
+}
+
+TEST(Diagnose, TellsRunInFromTheStartUpOfEveryRun) {
+  Truth truth;
+  truth.run_in = 0.12;
+  const Diagnosis d = diagnose(campaign(truth));
+  ASSERT_EQ(d.effects.size(), 1u) << d.statement;
+  EXPECT_EQ(d.effects.front().ids.front(), "run_in") << d.statement;
+  EXPECT_NEAR(d.effects.front().parameters.at("length").value, 0.12, 0.02);
+}
+
+TEST(Diagnose, NamesAnotherPublishedFormOfALaw) {
+  Truth truth;
+  truth.effects = effects::EffectSet({{"slip_sinkage", {{"form", 1}, {"n1", 0.8}}}});
+  const Diagnosis d = diagnose(campaign(truth));
+  ASSERT_EQ(d.effects.size(), 1u) << d.statement;
+  EXPECT_EQ(d.effects.front().ids.front(), "slip_sinkage") << d.statement;
 }
 
 TEST(Diagnose, CorrectsABelievedParameterWithoutNamingPhysics) {
