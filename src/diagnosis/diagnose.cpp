@@ -774,13 +774,15 @@ class Diagnoser {
       });
     }
     note(tried);
+    // Without repeats the scatter is assumed, and the odds are worth half.
+    const double temperature = kTemperature * (model_.noise().from_replicates ? 1.0 : 2.0);
     std::map<std::string, double> weight;
     double top = -std::numeric_limits<double>::infinity();
     for (const Tried& t : tried) top = std::max(top, support(t));
     for (std::size_t k = 0; k < tried.size(); ++k) {
       if (!std::isfinite(tried[k].fit.chi2)) continue;
       const std::string& id = starts_[rivals[k]].front().effects.front().id;
-      weight[id] = std::max(weight[id], std::exp((support(tried[k]) - top) / kTemperature));
+      weight[id] = std::max(weight[id], std::exp((support(tried[k]) - top) / temperature));
     }
     double sum = 0;
     for (const auto& [id, w] : weight) sum += w;
