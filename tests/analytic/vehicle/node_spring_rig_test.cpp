@@ -192,7 +192,9 @@ TEST(NodeSpringVehicle, ASymmetricMachineTravelsSymmetrically) {
     // below what a lattice resolves, so that only its way is held to the mirror there.
     const Loads turned = level_travel(name, 0.3, 0.1, 1.0, 1.0);
     constexpr double ripple = 0.01;  // of a wheel's load, as for one wheel
-    if (std::string(name) == "skid-steer-robot") EXPECT_LT(turned.sides, ripple);
+    if (std::string(name) == "skid-steer-robot") {
+      EXPECT_LT(turned.sides, ripple);
+    }
     EXPECT_LT(std::abs(turned.drift), 1e-3) << name;
   }
 }

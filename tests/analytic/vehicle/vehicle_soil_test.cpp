@@ -117,7 +117,9 @@ TEST(VehicleOnSoil, EnergyBooksClose) {
     }
     // Powers at the steps' beginnings against work over the steps: first order in the step. The car's heavy wheels
     // bounce in their contacts at 2 ms, which takes its sum off by some hundredths.
-    if (name != "two-axle-car") EXPECT_NEAR(known, e.ground, 0.02 * e.ground) << name;
+    if (name != "two-axle-car") {
+      EXPECT_NEAR(known, e.ground, 0.02 * e.ground) << name;
+    }
   }
 }
 

@@ -40,7 +40,7 @@ TEST_F(Faults, FullDiskKeepsEarlierResults) {
   const std::string name = scenario(), output = file("disk/o.h5").string();
   ASSERT_EQ(run({"sweep", name, "--method", "steady", "-o", output, "--quiet"}).status, 0);
   const std::string before = content(output);
-  for (const std::string& command : {"run", "sweep"}) {
+  for (const std::string command : {"run", "sweep"}) {
     // Some 300 KiB of time series. The sweep goes on in the file that is there, the run takes a name of its own.
     const std::string into = command == "run" ? file("disk/r.h5").string() : output;
     const std::string long_one = scenario("{slips: [0.1, 0.2, 0.3]}", 1.0);
@@ -49,7 +49,9 @@ TEST_F(Faults, FullDiskKeepsEarlierResults) {
     EXPECT_EQ(o.status, 1) << command << o.err;
     EXPECT_THAT(o.err, HasSubstr("No space left on device"));
     EXPECT_THAT(o.err, HasSubstr(fs::path(into).filename().string()));
-    if (command == "run") EXPECT_EQ(content(output), before);  // a sweep goes on in it: what it held is still read below
+    if (command == "run") {  // a sweep goes on in it: what it held is still read below
+      EXPECT_EQ(content(output), before);
+    }
     const Outcome kept = run({"export", output, "--to", "csv", "-o", file("kept.csv").string(), "--quiet"});
     EXPECT_EQ(kept.status, 0) << command << kept.err;
     for (const auto& entry : fs::directory_iterator(file("disk")))
@@ -61,7 +63,7 @@ TEST_F(Faults, ReadOnlyDiskIsKnownBeforeTheWork) {
   if (!mount_small("size=1m")) GTEST_SKIP() << "mounting needs root";
   const std::string name = scenario("{slips: [0.1]}", 400.0), output = file("disk/o.h5").string();
   if (!make_read_only()) GTEST_SKIP() << "this system cannot remount";
-  for (const std::string& command : {"sweep", "run", "drive"}) {
+  for (const std::string command : {"sweep", "run", "drive"}) {
     const std::string what = command == "drive" ? std::string(TERRODE_SOURCE_DIR) + "/scenarios/rover.yaml" : name;
     const Outcome o = run({command, what, "-o", output});  // 400 m would take hours
     EXPECT_EQ(o.status, 1) << command << o.err;
