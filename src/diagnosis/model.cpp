@@ -627,7 +627,6 @@ Fit Model::fit(const Hypothesis& h, const Eigen::VectorXd& start, const std::vec
     out.base = x.head(kBaseCount);
     out.extra.assign(x.data() + kBaseCount, x.data() + n);
     out.chi2 = out.penalty = std::numeric_limits<double>::infinity();
-    out.log_evidence = -std::numeric_limits<double>::infinity();
     return out;
   }
   const auto na = static_cast<Eigen::Index>(active.size());
@@ -701,7 +700,6 @@ Fit Model::fit(const Hypothesis& h, const Eigen::VectorXd& start, const std::vec
   double log_prior = 0;
   for (const Eigen::Index i : active) log_prior -= std::log(deviation(i));
   out.occam = log_prior - 0.5 * log_det;
-  out.log_evidence = -0.5 * best + out.occam;
   if (use.empty()) {
     const Vector v = evaluate(h, out.parameters, x, use);
     if (v.ok) out.misfit = misfit_of(v);

@@ -68,8 +68,7 @@ struct Fit {
   std::vector<FitParameter> parameters; // of `extra`
   double chi2 = 0.0;                    // of the data
   double penalty = 0.0;                 // of the priors
-  double log_evidence = 0.0;            // Laplace, up to a constant common to all hypotheses
-  double occam = 0.0;                   // of that, what the width of the priors and of the posterior gives
+  double occam = 0.0;                   // what the width of the priors and of the posterior gives to the log evidence (Laplace)
   // Chi-square of each channel by itself, then of the soil tests; of fits to all runs.
   std::array<double, kChannels + 1> misfit{};
   Eigen::MatrixXd covariance;           // of base and extra
