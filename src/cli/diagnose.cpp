@@ -24,6 +24,7 @@ using diagnosis::kChannels;
 struct Arguments {
   std::string recording, scenario, folder;
   std::vector<std::string> without;
+  bool no_replay = false;
 };
 
 Json pair_json(const std::pair<double, double>& p) { return Json::array({number(p.first), number(p.second)}); }
@@ -69,8 +70,12 @@ Json diagnosis_json(const Diagnosis& d) {
   out["detectable"] = Json::object();
   for (const auto& [key, e] : d.detectable) out["detectable"][key] = {{"value", number(e.value)}, {"unit", e.unit}};
   out["candidates"] = Json::array();
-  for (std::size_t i = 0; i < std::min<std::size_t>(15, d.candidates.size()); ++i)
-    out["candidates"].push_back({{"label", d.candidates[i].label}, {"log_evidence", number(d.candidates[i].log_evidence)}, {"chi2_gain", number(d.candidates[i].chi2_gain)}});
+  for (const auto& c : d.candidates) {
+    Json misfit = Json::array();
+    for (const double m : c.misfit) misfit.push_back(number(m));
+    out["candidates"].push_back({{"label", c.label}, {"log_evidence", number(c.log_evidence)}, {"chi2_gain", number(c.chi2_gain)}, {"misfit", misfit},
+                                 {"priors", number(c.penalty)}, {"occam", number(c.occam)}});
+  }
   out["growth"] = Json::array();
   for (const auto& g : d.growth) {
     Json lack = Json::object();
@@ -368,7 +373,7 @@ void diagnose_command(const Arguments& a, Common& common) {
     options.progress = show_progress(common);
     d = diagnosis::diagnose(recording, options);
   }
-  const ReplayResult replayed = d.effects.empty() ? ReplayResult{} : replay(recording, d, common);
+  const ReplayResult replayed = d.effects.empty() || a.no_replay ? ReplayResult{} : replay(recording, d, common);
   Json json = diagnosis_json(d);
   if (!replayed.points.empty()) json["simulated_in_time"] = replay_json(d, replayed);
   const fs::path folder(a.folder);
@@ -403,6 +408,7 @@ void add_diagnose(Command& app, Common& common) {
   command->add_option("--scenario", a->scenario, "wheel and believed soil from this scenario instead");
   command->add_option("-o,--output", a->folder, "folder for diagnosis.json, report.html and corrected.yaml")->required();
   command->add_option("--without", a->without, "effects that are not to be considered")->delimiter(',');
+  command->add_flag("--no-replay", a->no_replay, "leave out the simulation in time of the block that was held out (half of the time)");
   add_common(*command, common, true);
   command->callback([a, &common] { diagnose_command(*a, common); });
 }

@@ -16,12 +16,6 @@
 namespace terrode::diagnosis {
 namespace {
 
-// Effects that show in ripples alone: their means are nil, so no fit of means can name them.
-bool ripple_only(const std::string& id) {
-  static const std::set<std::string> ids = {"eccentricity", "carriage_resonance", "periodic_failure", "node_ripple", "undamped_bed"};
-  return ids.contains(id);
-}
-
 // Wheels with more lugs than this are not built.
 constexpr double kMostLugs = 60;
 
@@ -59,86 +53,60 @@ double cost(const Fit& f) { return f.chi2 + f.penalty; }
 // Every listed effect that can act on means, with starts for shapes that have several valleys.
 std::vector<std::vector<Hypothesis>> listed(const Model& model, const Options& options, const RippleSearch& ripples) {
   const Campaign& c = model.campaign();
-  bool any_torque = false, any_sinkage = false, any_pull = false;
-  for (const RunData& r : c.runs) {
-    any_pull = any_pull || r.has[0];
-    any_torque = any_torque || r.has[1];
-    any_sinkage = any_sinkage || r.has[2];
-  }
+  std::array<bool, kChannels> has{};
   bool series = false;
-  for (const RunData& r : c.runs) series = series || !r.steady;
+  for (const RunData& r : c.runs) {
+    series = series || !r.steady;
+    for (std::size_t ch = 0; ch < kChannels; ++ch) has[ch] = has[ch] || r.has[ch];
+  }
   int highest_pass = 1;
   for (const Condition& q : c.conditions) {
     highest_pass = std::max(highest_pass, q.pass);
   }
+  effects::Surroundings at{c.wheel.radius, c.believed.friction_angle, static_cast<double>(c.known_grousers), ripples.runs >= 3};
+  for (const RippleLine& l : ripples.lines)
+    if (l.lock == Lock::wheel && l.order >= 4) at.lugs = l.order;
   std::vector<std::vector<Hypothesis>> out;
   for (const effects::EffectType& t : effects::all_effects()) {
     const std::string id(t.info->id);
-    if (ripple_only(id) || std::find(options.without.begin(), options.without.end(), id) != options.without.end()) continue;
-    if (id == "multi_pass" && highest_pass < 2) continue;
-    if (!series && (t.info->fingerprint.with_time || t.info->fingerprint.with_position || id == "sensor_lag")) continue;
-    if ((id == "torque_bias" || id == "drive_friction") && !any_torque) continue;
-    if (id == "sinkage_datum" && !any_sinkage) continue;
-    if ((id == "drawbar_bias" || id == "crosstalk" || id == "slope") && !any_pull) continue;
-    const auto one = [&](std::map<std::string, double> start) {
-      Hypothesis h;
-      h.effects = {{id, std::move(start)}};
-      return h;
-    };
-    if (id == "sensor_gain" || id == "sensor_drift" || id == "sensor_lag") {
-      const bool has[] = {any_pull, any_torque, any_sinkage};
-      for (int ch = 0; ch < kChannels; ++ch)
-        if (has[ch]) {
-          std::map<std::string, double> start = {{"channel", ch}};
-          if (id == "sensor_lag") start["tau"] = 0.1;
-          out.push_back({one(start)});
+    const effects::Fingerprint& mark = t.info->fingerprint;
+    const effects::Search& search = t.info->search;
+    if (search.ripple_alone || std::find(options.without.begin(), options.without.end(), id) != options.without.end()) continue;
+    if (mark.with_pass && highest_pass < 2) continue;
+    if (!series && (mark.with_time || mark.with_position || search.needs_series)) continue;
+    // What rig or sensor do to one channel needs that channel.
+    bool of_one_channel = false;
+    for (const effects::Parameter& p : t.info->parameters) of_one_channel = of_one_channel || p.name == "channel";
+    if (t.info->cls == effects::Class::rig && !of_one_channel) {
+      const int moved = (mark.pull != 0) + (mark.torque != 0) + (mark.sinkage != 0);
+      if (moved == 1 && !((mark.pull && has[0]) || (mark.torque && has[1]) || (mark.sinkage && has[2]))) continue;
+    }
+    std::vector<effects::Start> from = search.starts ? search.starts(at) : std::vector<effects::Start>{{}};
+    if (from.empty()) continue;
+    // Every form of the law; a choice of channel makes candidates of their own.
+    for (const effects::Parameter& p : t.info->parameters) {
+      const std::string name(p.name);
+      if (p.scale != effects::Scale::choice || from.front().contains(name)) continue;
+      std::vector<effects::Start> wider;
+      for (const effects::Start& start : from)
+        for (int choice = static_cast<int>(p.lower); choice <= static_cast<int>(p.upper); ++choice) {
+          if (name == "channel" && !has[static_cast<std::size_t>(choice)]) continue;
+          wider.push_back(start);
+          wider.back()[name] = choice;
         }
-      continue;
+      from = std::move(wider);
     }
     std::vector<Hypothesis> starts;
-    const double depth = 0.1 * c.wheel.radius;
-    if (id == "interface_friction") {
-      for (const double share : {0.95, 0.8}) starts.push_back(one({{"delta", std::atan(share * std::tan(c.believed.friction_angle))}, {"adhesion", 0.0}}));
-    } else if (id == "peak_shear") {
-      for (const double kw : {0.003, 0.01}) starts.push_back(one({{"Kr", 0.8}, {"Kw", kw}}));
-    } else if (id == "undulation") {
-      for (const double l : {0.05, 0.1, 0.2, 0.35}) starts.push_back(one({{"amplitude", 5e-4}, {"wavelength", l}}));
-    } else if (id == "wall_effect") {
-      for (const double l : {0.03, 0.1}) starts.push_back(one({{"gain", 0.1}, {"length", l}}));
-    } else if (id == "hard_layer") {
-      for (const double f : {0.5, 1.0}) starts.push_back(one({{"stiffening", 0.2}, {"depth", f * depth}}));
-    } else if (id == "crust") {
-      for (const double f : {0.15, 0.5}) starts.push_back(one({{"strength", 500.0}, {"depth", f * depth}}));
-    } else if (id == "run_in") {
-      starts.push_back(one({{"length", 0.08}}));
-    } else if (id == "slip_sinkage") {
-      for (const double form : {0.0, 1.0}) starts.push_back(one({{"form", form}}));
-    } else if (id == "bed_drift") {
-      for (const double grade : {0.0, 1.0}) starts.push_back(one({{"grade", grade}}));
-    } else if (id == "side_friction") {
-      for (const double form : {0.0, 1.0}) starts.push_back(one({{"factor", 10.0}, {"form", form}}));
-    } else if (id == "skew") {
-      starts.push_back(one({{"angle", 0.03}}));
-    } else if (id == "rear_contact") {
-      starts.push_back(one({{"lambda", 0.03}}));
-    } else if (id == "unloading") {
-      starts.push_back(one({{"k0", 2e7}, {"A_u", 0.0}}));
-    } else if (id == "wheel_flexibility") {
-      starts.push_back(one({{"stiffness", 1e5}}));
-    } else if (id == "multi_pass") {
-      starts.push_back(one({{"gain", 0.1}, {"passes", 1.5}}));
-    } else if (id == "grousers") {
-      double count = c.known_grousers;
-      for (const RippleLine& l : ripples.lines)
-        if (l.lock == Lock::wheel && l.order >= 4) count = l.order;
-      // Lugs cannot hide from a series: without a line at a whole order there are none.
-      if (count == 0 && ripples.runs >= 3) continue;
-      if (count == 0) count = 24;
-      starts.push_back(one({{"height", 0.002}, {"count", count}}));
-    } else {
-      starts.push_back(one({}));
+    for (effects::Start& start : from) {
+      Hypothesis h;
+      h.effects = {{id, std::move(start)}};
+      if (of_one_channel) {
+        out.push_back({std::move(h)});
+      } else {
+        starts.push_back(std::move(h));
+      }
     }
-    out.push_back(std::move(starts));
+    if (!starts.empty()) out.push_back(std::move(starts));
   }
   return out;
 }
@@ -437,9 +405,13 @@ class Diagnoser {
 
   // Every run settles within a fraction of a contact length; that is no run-in.
   bool only_usual_start_up(const Tried& t) const {
-    if (!contains(t.hypothesis, "run_in") || !std::isfinite(t.fit.chi2)) return false;
-    const double length = model_.effects_of(t.hypothesis, t.fit).at("run_in").at("length");
-    return length < 1.3 * usual_start_up(campaign_.wheel.radius);
+    if (!std::isfinite(t.fit.chi2)) return false;
+    for (const FitParameter& p : t.fit.parameters) {
+      if (!p.strength || effects::find_effect(t.hypothesis.effects[p.effect].id)->info->search.beside.empty()) continue;
+      const std::size_t k = static_cast<std::size_t>(&p - t.fit.parameters.data());
+      if (t.fit.extra[k] < 1.3 * usual_start_up(campaign_.wheel.radius)) return true;
+    }
+    return false;
   }
 
   Tried best_of(const std::vector<Hypothesis>& starts, const Eigen::VectorXd& base, int iterations = 20) const {
@@ -611,6 +583,7 @@ class Diagnoser {
       std::vector<Tried> tried(promising.size());
       parallel_for(promising.size(), options_.threads, [&](std::size_t k) { tried[k] = fit_slots(promising[k].second); });
       note(tried);
+      weighed_.insert(weighed_.end(), tried.begin(), tried.end());
       std::size_t top = tried.size();
       for (std::size_t k = 0; k < tried.size(); ++k) {
         if (!std::isfinite(tried[k].fit.chi2)) continue;
@@ -774,6 +747,8 @@ class Diagnoser {
       });
     }
     note(tried);
+    for (const Tried& t : tried)
+      if (best_.hypothesis.effects.size() > 1) weighed_.push_back(t);
     // Without repeats the scatter is assumed, and the odds are worth half.
     const double temperature = kTemperature * (model_.noise().from_replicates ? 1.0 : 2.0);
     std::map<std::string, double> weight;
@@ -1202,10 +1177,11 @@ class Diagnoser {
 
   void candidates() {
     std::vector<Tried> all(singles_);
-    if (best_.hypothesis.effects.size() > 1) all.push_back(best_);
+    all.insert(all.end(), weighed_.begin(), weighed_.end());
     for (const Tried& t : all) {
       if (!std::isfinite(t.fit.chi2)) continue;
-      out_.candidates.push_back({t.hypothesis.label(), (support(t) - support(plain_)) / kTemperature, gain(t.fit), model_.effects_of(t.hypothesis, t.fit)});
+      out_.candidates.push_back({t.hypothesis.label(), (support(t) - support(plain_)) / kTemperature, gain(t.fit), model_.effects_of(t.hypothesis, t.fit),
+                                 t.fit.misfit, t.fit.penalty, t.fit.occam});
     }
     std::stable_sort(out_.candidates.begin(), out_.candidates.end(), [](const Candidate& a, const Candidate& b) { return a.log_evidence > b.log_evidence; });
   }
@@ -1319,8 +1295,8 @@ class Diagnoser {
   // The effects of a fit that are switched on.
   std::map<std::string, std::map<std::string, double>> finite_effects(const Hypothesis& h, const Fit& f) const {
     auto out = model_.effects_of(h, f);
-    // What a run lacks at its start is no parameter of the law.
-    if (const auto found = out.find("run_in"); found != out.end()) std::erase_if(found->second, [](const auto& v) { return v.first != "length"; });
+    for (auto& [id, values] : out)
+      for (const effects::Beside& b : effects::find_effect(id)->info->search.beside) values.erase(std::string(b.name));
     std::erase_if(out, [](const auto& e) {
       return std::any_of(e.second.begin(), e.second.end(), [](const auto& v) { return !std::isfinite(v.second); });
     });
@@ -1398,7 +1374,7 @@ class Diagnoser {
   Tried plain_, believed_, best_, after_;
   RippleSearch ripples_;
   std::vector<std::vector<Hypothesis>> starts_;  // of each candidate: the listed first, then the nameless
-  std::vector<Tried> singles_;
+  std::vector<Tried> singles_, weighed_;
   std::vector<std::size_t> slots_;
   std::size_t named_ = 0;
   std::vector<Detect> detect_;

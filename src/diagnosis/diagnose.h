@@ -66,6 +66,9 @@ struct Candidate {
   double log_evidence = 0.0;  // over the plain model, nats, tempered
   double chi2_gain = 0.0;
   std::map<std::string, std::map<std::string, double>> effects;
+  // What its odds were weighed from: misfit of each channel and of the soil tests, of priors, and Laplace's price.
+  std::array<double, kChannels + 1> misfit{};
+  double penalty = 0.0, occam = 0.0;
 };
 
 // A further effect that was considered on top of an explanation.

@@ -17,16 +17,6 @@ namespace {
 
 constexpr int kNodes = 6;  // in time, where an effect changes the soil along a run
 
-// Effects whose soil part changes along a run, so that one steady state does not do.
-bool varies_along_run(const std::string& id) { return id == "density_gradient" || id == "wall_effect" || id == "run_in"; }
-
-// Effects that belong to the soil itself and so act in its plate and shear tests too.
-bool acts_in_soil_tests(const std::string& id) {
-  static const std::set<std::string> ids = {"hard_layer", "crust", "penetration_rate", "peak_shear", "pressure_dependent_K",
-                                            "curved_failure_envelope", "shear_rate"};
-  return ids.contains(id);
-}
-
 double from_coordinate(double x, effects::Scale scale) {
   switch (scale) {
     case effects::Scale::log: return std::exp(x);
@@ -40,11 +30,6 @@ double si_value(const FitParameter& p, double coordinate) {
   if (p.scale == effects::Scale::inverse && coordinate < p.least) return effects::kInfinity;
   return from_coordinate(coordinate, p.scale);
 }
-
-// How much of its steady value a run that runs in lacks at its start: fitted beside the length, a property of the
-// recording and not of the law.
-constexpr const char* kForceShare = "force_share";
-constexpr const char* kSinkageShare = "sinkage_share";
 
 struct Readings {  // of one condition, at one or kNodes times
   std::vector<double> time;
@@ -186,9 +171,7 @@ std::vector<FitParameter> Model::parameters_of(const Hypothesis& h) const {
   for (std::size_t e = 0; e < h.effects.size(); ++e) {
     const effects::EffectType* type = effects::find_effect(h.effects[e].id);
     for (const effects::Parameter& p : type->info->parameters) {
-      if (p.scale == effects::Scale::choice) continue;
-      // A wheel's means show one stiffness of unloading: how it grows with depth is left at what is given.
-      if (h.effects[e].id == "unloading" && p.name == "A_u") continue;
+      if (p.scale == effects::Scale::choice || !p.fitted) continue;
       FitParameter f{e, std::string(p.name), p.scale, 0, 0, 0, 0, 0, p.strength, 0};
       const double lo = to_coordinate(p.lower, p.scale), hi = to_coordinate(p.upper, p.scale);
       f.lower = std::min(lo, hi);
@@ -211,10 +194,8 @@ std::vector<FitParameter> Model::parameters_of(const Hypothesis& h) const {
       }
       out.push_back(f);
     }
-    if (h.effects[e].id == "run_in") {
-      out.push_back({e, kForceShare, effects::Scale::linear, 0, -0.5, 1.2, 0.5, 0.4, false, -0.5});
-      out.push_back({e, kSinkageShare, effects::Scale::linear, 0, -0.5, 1.0, 0.3, 0.3, false, -0.5});
-    }
+    for (const effects::Beside& b : type->info->search.beside)
+      out.push_back({e, std::string(b.name), effects::Scale::linear, 0, b.lower, b.upper, b.prior_mean, b.prior_deviation, false, b.lower});
   }
   return out;
 }
@@ -244,14 +225,13 @@ Model::Vector Model::evaluate(const Hypothesis& h, const std::vector<FitParamete
   for (std::size_t i = 0; i < parameters.size(); ++i)
     wanted[h.effects[parameters[i].effect].id][parameters[i].name] =
         si_value(parameters[i], all(kBaseCount + static_cast<Eigen::Index>(i)));
-  double run_in = 0, lacks[kChannels] = {0, 0, 0};
-  if (const auto found = wanted.find("run_in"); found != wanted.end()) {
-    run_in = found->second.at("length");
-    const auto share = [&](const char* name, double usual) { return found->second.contains(name) ? found->second.at(name) : usual; };
-    lacks[0] = lacks[1] = share(kForceShare, 0.5);
-    lacks[2] = share(kSinkageShare, 0.3);
-    wanted.erase(found);
-  }
+  std::map<std::string, std::vector<double>> beside;  // of the recording, by effect
+  for (auto& [id, values] : wanted)
+    for (const effects::Beside& b : effects::find_effect(id)->info->search.beside) {
+      const auto found = values.find(std::string(b.name));
+      beside[id].push_back(found == values.end() ? b.prior_mean : found->second);
+      if (found != values.end()) values.erase(found);
+    }
   effects::EffectSet set;
   try {
     set = effects::EffectSet(wanted);
@@ -261,12 +241,20 @@ Model::Vector Model::evaluate(const Hypothesis& h, const std::vector<FitParamete
   }
   bool along = false;
   double lag[kChannels] = {0, 0, 0};
+  std::vector<const bekker::StressModifier*> modifiers;
+  std::vector<std::pair<const effects::Effect*, const std::vector<double>*>> settling;
   for (const auto& e : set.effects()) {
-    along = along || varies_along_run(std::string(e->info().id));
+    const effects::Fingerprint& mark = e->info().fingerprint;
     if (e->info().id == "sensor_lag") lag[static_cast<int>(e->values()[1])] += e->values()[0];
+    if (e->settles()) {
+      settling.emplace_back(e.get(), &beside[std::string(e->info().id)]);
+    } else if (e->hooks()) {
+      modifiers.push_back(e.get());
+      along = along || mark.with_position || mark.with_time;
+    }
   }
   bekker::PointLaw law;
-  law.modifiers = set.modifiers();
+  law.modifiers = modifiers;
   std::vector<char> needed(c.conditions.size(), 0);
   std::vector<double> end(c.conditions.size(), 0.0);
   for (std::size_t r = 0; r < c.runs.size(); ++r)
@@ -348,8 +336,8 @@ Model::Vector Model::evaluate(const Hypothesis& h, const std::vector<FitParamete
             rest = std::exp(-bin.time / t0) * (u > 1e-6 ? std::sinh(std::min(u, 500.0)) / u : 1.0);
           }
           *value[ch] *= 1.0 - start[ch] * rest;
-          if (run_in > 0) *value[ch] *= 1.0 - lacks[ch] * std::exp(-bin.time * speed / run_in);
         }
+        for (const auto& [effect, numbers] : settling) effect->settle(bin.time * speed, *numbers, y);
       }
       y.normal_load = q.normal_load;
       sample.time = bin.time;
@@ -371,7 +359,7 @@ Model::Vector Model::evaluate(const Hypothesis& h, const std::vector<FitParamete
   // Soil tests.
   std::vector<const bekker::StressModifier*> in_tests;
   for (const auto& e : set.effects())
-    if (e->hooks() && acts_in_soil_tests(std::string(e->info().id))) in_tests.push_back(e.get());
+    if (e->hooks() && e->info().search.in_soil_tests) in_tests.push_back(e.get());
   const bekker::LocalSoil local(soil);
   bekker::Context context;
   context.radius = c.wheel.radius;

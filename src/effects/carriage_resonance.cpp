@@ -20,7 +20,9 @@ const Info& info() {
       "rig, by time",
       {0, 0, 0, false, false, false, true, false, "a line at a fixed frequency at every speed and slip"},
       {"periodic_failure", "grousers"},
-      "change the speed; tap the carriage with the wheel lifted"};
+      "change the speed; tap the carriage with the wheel lifted",
+      {},
+      {.ripple_alone = true}};
   return out;
 }
 

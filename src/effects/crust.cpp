@@ -7,6 +7,12 @@
 namespace terrode::effects {
 namespace {
 
+std::vector<Start> starts(const Surroundings& at) {
+  std::vector<Start> out;
+  for (const double share : {0.015, 0.05}) out.push_back({{"strength", 500.0}, {"depth", share * at.radius}});
+  return out;
+}
+
 const Info& info() {
   static const Info out{
       "crust",
@@ -21,7 +27,9 @@ const Info& info() {
       "pressure",
       {0, 0, -1, false, false, false, false, false, "light loads sink too little, heavy ones as expected"},
       {"hard_layer", "plate_scale"},
-      "a plate test past the break; light loads"};
+      "a plate test past the break; light loads",
+      {},
+      {.starts = starts, .in_soil_tests = true}};
   return out;
 }
 

@@ -20,7 +20,9 @@ const Info& info() {
                         "shear",
                         {-1, -1, 0, false, false, false, false, false, "pull over load falls with load"},
                         {"interface_friction"},
-                        "loads over a factor of five; a shear box from 1 to 20 kPa"};
+                        "loads over a factor of five; a shear box from 1 to 20 kPa",
+      {},
+      {.in_soil_tests = true}};
   return out;
 }
 

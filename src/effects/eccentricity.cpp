@@ -19,7 +19,9 @@ const Info& info() {
                         "rig: position of the axle",
                         {0, 0, 0, false, false, false, false, true, "a line at one per turn in sinkage, a quarter turn later in torque"},
                         {"undulation"},
-                        "phase against the encoder at two speeds"};
+                        "phase against the encoder at two speeds",
+                        {},
+                        {.ripple_alone = true}};
   return out;
 }
 

@@ -41,6 +41,7 @@ struct Parameter {
   Scale scale;
   bool strength;         // the null value of this parameter alone switches the effect off
   std::string_view meaning;
+  bool fitted = true;    // false: means of a wheel cannot tell it, so a search leaves it at what its start gives
 };
 
 // What the effect at its typical strength does to steady means, and with what it varies. The means are those of a wheel
@@ -53,6 +54,34 @@ struct Fingerprint {
   int pull, torque, sinkage;  // sign of the change; 0: none
   bool with_speed, with_pass, with_position, with_time, with_angle;
   std::string_view text;
+};
+
+// What is known of a recording before an effect is looked for in it.
+struct Surroundings {
+  double radius = 0.0;          // of the wheel, m
+  double friction_angle = 0.0;  // believed, rad
+  double lugs = 0.0;            // around the wheel, as given or as a line in the series shows; 0: none
+  bool lugs_would_show = false; // enough series that lugs would have left a line
+};
+
+// Parameters by name, SI; those that are left out begin at the null value (strengths) or at the prior.
+using Start = std::map<std::string, double>;
+
+// A number that belongs to the recording and not to the law, fitted with the effect.
+struct Beside {
+  std::string_view name;
+  double lower, upper, prior_mean, prior_deviation;
+};
+
+// How an effect is looked for in a recording.
+struct Search {
+  // Where fits begin, several where the law has several valleys; none returned: the effect is out of the question.
+  // Without the function there is one start, at the null. Forms of a law (`choice`) are all tried beside.
+  std::vector<Start> (*starts)(const Surroundings&) = nullptr;
+  std::vector<Beside> beside = {};
+  bool in_soil_tests = false;  // belongs to the soil itself and so acts in its plate and shear tests too
+  bool ripple_alone = false;   // its means are nil: only a line in the series shows it
+  bool needs_series = false;   // a table of means cannot show it
 };
 
 struct Info {
@@ -69,6 +98,7 @@ struct Info {
   std::string_view separated_by;  // the experiment that tells them apart
   // Why a simulation in time parts from the steady means by more than a twentieth of the change; empty: it does not.
   std::string_view parts_in_time = {};
+  Search search = {};
 };
 
 // One instant of a run, as the rig and its sensors see it.
@@ -111,6 +141,10 @@ class Effect : public bekker::StressModifier {
   virtual void quasi_static(const Sample&, Reading&) const {}
   virtual bool measures() const { return false; }
   virtual void measure(const Sample&, Reading&, SensorState&) const {}
+  // For models that know no transients: true when the effect is that a run approaches its steady mean, and what it has
+  // reached after `rim_path` [m]; `beside` in the order of Search::beside.
+  virtual bool settles() const { return false; }
+  virtual void settle(double /*rim_path*/, std::span<const double> /*beside*/, Reading&) const {}
 
  protected:
   double p(std::size_t i) const { return values_[i]; }

@@ -7,6 +7,12 @@
 namespace terrode::effects {
 namespace {
 
+std::vector<Start> starts(const Surroundings& at) {
+  // Lugs cannot hide from a series: without a line at a whole order there are none.
+  if (at.lugs == 0 && at.lugs_would_show) return {};
+  return {{{"height", 0.002}, {"count", at.lugs > 0 ? at.lugs : 24.0}}};
+}
+
 const Info& info() {
   static const Info out{
       "grousers",
@@ -25,7 +31,9 @@ const Info& info() {
       {1, 1, 0, false, false, false, false, true,
        "pull and torque grow with slip and then stay; a line at the whole order `count` of the wheel"},
       {"slip_offset", "interface_friction", "peak_shear"},
-      "order spectrum at ten times the lug rate; slips above 0.2"};
+      "order spectrum at ten times the lug rate; slips above 0.2",
+      {},
+      {.starts = starts}};
   return out;
 }
 

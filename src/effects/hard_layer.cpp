@@ -7,6 +7,12 @@
 namespace terrode::effects {
 namespace {
 
+std::vector<Start> starts(const Surroundings& at) {
+  std::vector<Start> out;
+  for (const double share : {0.05, 0.1}) out.push_back({{"stiffening", 0.2}, {"depth", share * at.radius}});
+  return out;
+}
+
 const Info& info() {
   static const Info out{
       "hard_layer",
@@ -21,7 +27,9 @@ const Info& info() {
       "pressure",
       {0, 0, -1, false, false, false, false, false, "sinkage grows less with load than the power law says"},
       {"plate_scale"},
-      "loads that sink the wheel deeper; a plate test to depth"};
+      "loads that sink the wheel deeper; a plate test to depth",
+      {},
+      {.starts = starts, .in_soil_tests = true}};
   return out;
 }
 

@@ -7,6 +7,12 @@
 namespace terrode::effects {
 namespace {
 
+std::vector<Start> starts(const Surroundings& at) {
+  std::vector<Start> out;
+  for (const double share : {0.95, 0.8}) out.push_back({{"delta", std::atan(share * std::tan(at.friction_angle))}, {"adhesion", 0.0}});
+  return out;
+}
+
 const Info& info() {
   static const Info out{
       "interface_friction",
@@ -22,7 +28,9 @@ const Info& info() {
       {-1, -1, 0, false, false, false, false, false,
        "pull and torque saturate low at high slip, in proportion to load; the shear box disagrees"},
       {"curved_failure_envelope"},
-      "a soil-coated wheel; a shear box on the wheel's surface"};
+      "a soil-coated wheel; a shear box on the wheel's surface",
+      {},
+      {.starts = starts}};
   return out;
 }
 

@@ -7,6 +7,8 @@
 namespace terrode::effects {
 namespace {
 
+std::vector<Start> starts(const Surroundings&) { return {{{"gain", 0.1}, {"passes", 1.5}}}; }
+
 const Info& info() {
   static const Info out{
       "multi_pass",
@@ -23,7 +25,8 @@ const Info& info() {
        "nothing on the first pass; sinkage falls from pass to pass, less each time"},
       {"density_gradient"},
       "three passes or more at two slips",
-      "the steady wheel rolls on level ground whatever the pass; in a simulation the rut of the pass before is there and has been pressed already"};
+      "the steady wheel rolls on level ground whatever the pass; in a simulation the rut of the pass before is there and has been pressed already",
+      {.starts = starts}};
   return out;
 }
 

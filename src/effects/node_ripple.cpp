@@ -18,7 +18,9 @@ const Info& info() {
                         "numerics, by position",
                         {0, 0, 0, false, false, true, false, false, "a line at speed over spacing"},
                         {"undulation"},
-                        "halve the spacing: the line moves and shrinks"};
+                        "halve the spacing: the line moves and shrinks",
+                        {},
+                        {.ripple_alone = true}};
   return out;
 }
 

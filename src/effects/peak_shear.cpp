@@ -7,6 +7,8 @@
 namespace terrode::effects {
 namespace {
 
+std::vector<Start> starts(const Surroundings&) { return {{{"Kr", 0.8}, {"Kw", 0.003}}, {{"Kr", 0.8}, {"Kw", 0.01}}}; }
+
 const Info& info() {
   static const Info out{
       "peak_shear",
@@ -21,7 +23,9 @@ const Info& info() {
       "shear",
       {1, 1, 0, false, false, false, false, false, "pull and torque high at small slip, falling after a peak"},
       {"slip_offset", "pressure_dependent_K", "interface_friction"},
-      "the shear box's curve to twenty K; slips below 0.1"};
+      "the shear box's curve to twenty K; slips below 0.1",
+      {},
+      {.starts = starts, .in_soil_tests = true}};
   return out;
 }
 

@@ -21,7 +21,9 @@ const Info& info() {
       "pressure",
       {0, 0, 1, true, false, false, false, false, "sinkage falls with speed (more than without the effect below an entry of 0.01 m/s, less above), forces hardly change"},
       {"slip_sinkage", "plate_scale"},
-      "three speeds over a decade; plate tests at three rates"};
+      "three speeds over a decade; plate tests at three rates",
+      {},
+      {.in_soil_tests = true}};
   return out;
 }
 

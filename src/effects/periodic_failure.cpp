@@ -24,7 +24,8 @@ const Info& info() {
        "a line whose rate rises with slip and is no whole order of the wheel; means stay"},
       {"grousers", "carriage_resonance"},
       "the spectrum at several slips and one speed",
-      "a ripple has hardly a mean: what is compared is what it leaves over the averaging window, a hundredth of the ripple"};
+      "a ripple has hardly a mean: what is compared is what it leaves over the averaging window, a hundredth of the ripple",
+      {.ripple_alone = true}};
   return out;
 }
 

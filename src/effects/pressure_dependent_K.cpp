@@ -19,7 +19,9 @@ const Info& info() {
                         {-1, -1, 0, false, false, false, false, false,
                          "the rise of pull and torque at low slip is slower under heavy load"},
                         {"shear_rate", "peak_shear"},
-                        "three loads at slips of 0.02 to 0.2; a shear box at three stresses"};
+                        "three loads at slips of 0.02 to 0.2; a shear box at three stresses",
+      {},
+      {.in_soil_tests = true}};
   return out;
 }
 

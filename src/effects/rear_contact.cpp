@@ -7,6 +7,8 @@
 namespace terrode::effects {
 namespace {
 
+std::vector<Start> starts(const Surroundings&) { return {{{"lambda", 0.03}}}; }
+
 const Info& info() {
   static const Info out{
       "rear_contact",
@@ -21,7 +23,9 @@ const Info& info() {
       {1, 0, -1, false, false, false, false, false,
        "pull up by an almost constant amount and sinkage down at every slip; torque nearly the same"},
       {"plate_scale", "unloading", "slip_sinkage"},
-      "rut depth behind the wheel; unloading the plate"};
+      "rut depth behind the wheel; unloading the plate",
+      {},
+      {.starts = starts}};
   return out;
 }
 

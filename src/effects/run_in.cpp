@@ -7,6 +7,10 @@
 namespace terrode::effects {
 namespace {
 
+std::vector<Start> starts(const Surroundings& at) {
+  return {{{"length", 0.6 * at.radius}}};
+}
+
 const Info& info() {
   static const Info out{
       "run_in",
@@ -21,7 +25,10 @@ const Info& info() {
       {0, 0, 0, false, false, false, true, true, "drift from the start of each run that ends with the distance"},
       {"sensor_drift", "density_gradient"},
       "longer runs; restart in the same rut",
-      "the steady wheel is in equilibrium at every instant; a rolling one follows after a contact length"};
+      "the steady wheel is in equilibrium at every instant; a rolling one follows after a contact length",
+      {.starts = starts,
+       .beside = {{"force_share", -0.5, 1.2, 0.5, 0.4}, {"sinkage_share", -0.5, 1.0, 0.3, 0.3}},
+       .needs_series = true}};
   return out;
 }
 
@@ -35,6 +42,13 @@ class RunIn final : public Effect {
     s.k *= 1.0 + left;
     s.cohesion *= 1.0 - left;
     s.tan_phi *= 1.0 - left;
+  }
+  bool settles() const override { return true; }
+  void settle(double rim_path, std::span<const double> beside, Reading& y) const override {
+    const double left = std::exp(-rim_path / p(0));
+    y.drawbar_pull *= 1.0 - beside[0] * left;
+    y.driving_torque *= 1.0 - beside[0] * left;
+    y.sinkage *= 1.0 - beside[1] * left;
   }
 };
 

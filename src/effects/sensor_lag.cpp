@@ -7,6 +7,8 @@
 namespace terrode::effects {
 namespace {
 
+std::vector<Start> starts(const Surroundings&) { return {{{"tau", 0.1}}}; }
+
 const Info& info() {
   static const Info out{
       "sensor_lag",
@@ -20,7 +22,9 @@ const Info& info() {
       "sensor, by time",
       {0, 0, 0, false, false, false, false, false, "ripple of one channel small and late; means stay"},
       {},
-      "phase between channels over frequency; a step"};
+      "phase between channels over frequency; a step",
+      {},
+      {.starts = starts, .needs_series = true}};
   return out;
 }
 

@@ -20,7 +20,9 @@ const Info& info() {
       "shear",
       {1, 1, 0, true, false, false, false, false, "pull and torque rise together with speed and with slip"},
       {"pressure_dependent_K", "drive_friction"},
-      "three speeds over a decade at one slip"};
+      "three speeds over a decade at one slip",
+      {},
+      {.in_soil_tests = true}};
   return out;
 }
 

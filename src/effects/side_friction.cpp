@@ -7,6 +7,8 @@
 namespace terrode::effects {
 namespace {
 
+std::vector<Start> starts(const Surroundings&) { return {{{"factor", 10.0}}}; }
+
 const Info& info() {
   static const Info out{
       "side_friction",
@@ -21,7 +23,9 @@ const Info& info() {
       "shear",
       {1, 1, 0, false, false, false, false, false, "more torque and pull where the wheel is deep"},
       {"interface_friction", "curved_failure_envelope"},
-      "a narrow and a wide wheel at the same depth"};
+      "a narrow and a wide wheel at the same depth",
+      {},
+      {.starts = starts}};
   return out;
 }
 

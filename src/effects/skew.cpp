@@ -7,6 +7,8 @@
 namespace terrode::effects {
 namespace {
 
+std::vector<Start> starts(const Surroundings&) { return {{{"angle", 0.03}}}; }
+
 const Info& info() {
   static const Info out{
       "skew",
@@ -21,7 +23,9 @@ const Info& info() {
       "shear and wedge forces",
       {-1, -1, 0, false, false, false, false, false, "small loss of pull, growing with load; a side force"},
       {"slope", "bulldozing"},
-      "measure the side force; turn the wheel the other way"};
+      "measure the side force; turn the wheel the other way",
+      {},
+      {.starts = starts}};
   return out;
 }
 

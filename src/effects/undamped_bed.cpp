@@ -19,7 +19,9 @@ const Info& info() {
       "numerics, by time",
       {0, 0, 0, false, false, false, true, false, "a line that neither speed nor slip moves, in sinkage first"},
       {"carriage_resonance"},
-      "repeat with damping; change the mass"};
+      "repeat with damping; change the mass",
+      {},
+      {.ripple_alone = true}};
   return out;
 }
 

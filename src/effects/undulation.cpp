@@ -7,6 +7,12 @@
 namespace terrode::effects {
 namespace {
 
+std::vector<Start> starts(const Surroundings& at) {
+  std::vector<Start> out;
+  for (const double share : {0.4, 0.8, 1.5, 2.7}) out.push_back({{"amplitude", 5e-4}, {"wavelength", share * at.radius}});
+  return out;
+}
+
 const Info& info() {
   static const Info out{
       "undulation",
@@ -21,7 +27,8 @@ const Info& info() {
       {0, 0, 0, false, false, true, false, false, "sinkage and pull wave with position, a quarter wave apart"},
       {"density_gradient"},
       "a profile of the fresh bed",
-      "the contact is a third of a wave long and evens it out; the steady wheel takes it as a point"};
+      "the contact is a third of a wave long and evens it out; the steady wheel takes it as a point",
+      {.starts = starts}};
   return out;
 }
 

@@ -7,6 +7,8 @@
 namespace terrode::effects {
 namespace {
 
+std::vector<Start> starts(const Surroundings&) { return {{{"k0", 2e7}, {"A_u", 0.0}}}; }
+
 const Info& info() {
   static const Info out{
       "unloading",
@@ -19,12 +21,14 @@ const Info& info() {
       "line of Wong, Theory of Ground Vehicles (names k0, A_u checked, form from memory); rebound as an exit angle "
       "constructed here",
       {{"k0", "N/m^3", kInfinity, 1e4, 1e12, 2e7, 1e-6, Scale::inverse, true, "unloading stiffness at zero sinkage"},
-       {"A_u", "N/m^4", 0, 0, 1e12, 0, 1e8, Scale::linear, false, "its growth with the sinkage before unloading"}},
+       {"A_u", "N/m^4", 0, 0, 1e12, 0, 1e8, Scale::linear, false, "its growth with the sinkage before unloading", false}},
       "contact geometry; state of nodes",
       {1, 0, -1, false, false, false, false, false,
        "as contact behind the lowest point, by an amount that the plate test gives"},
       {"rear_contact"},
-      "unload and reload a plate; repeated passes"};
+      "unload and reload a plate; repeated passes",
+      {},
+      {.starts = starts}};
   return out;
 }
 

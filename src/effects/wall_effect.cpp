@@ -7,6 +7,12 @@
 namespace terrode::effects {
 namespace {
 
+std::vector<Start> starts(const Surroundings& at) {
+  std::vector<Start> out;
+  for (const double share : {0.23, 0.77}) out.push_back({{"gain", 0.1}, {"length", share * at.radius}});
+  return out;
+}
+
 const Info& info() {
   static const Info out{
       "wall_effect",
@@ -20,7 +26,9 @@ const Info& info() {
       "pressure, by position",
       {0, 0, -1, false, false, true, false, false, "less sinkage near both ends, the same in every run"},
       {"density_gradient", "run_in"},
-      "start elsewhere in the bin; measure beyond three widths from the walls"};
+      "start elsewhere in the bin; measure beyond three widths from the walls",
+      {},
+      {.starts = starts}};
   return out;
 }
 

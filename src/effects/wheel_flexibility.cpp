@@ -7,6 +7,8 @@
 namespace terrode::effects {
 namespace {
 
+std::vector<Start> starts(const Surroundings&) { return {{{"stiffness", 1e5}}}; }
+
 const Info& info() {
   static const Info out{
       "wheel_flexibility",
@@ -21,7 +23,9 @@ const Info& info() {
       {1, 1, -1, false, false, false, false, false,
        "less sinkage, more pull and torque (dDP r/dT about 0.4), growing with load"},
       {"plate_scale", "crosstalk"},
-      "three loads or more; a radius sensor; load-deflection on a hard floor"};
+      "three loads or more; a radius sensor; load-deflection on a hard floor",
+      {},
+      {.starts = starts}};
   return out;
 }
 
