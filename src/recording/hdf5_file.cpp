@@ -165,6 +165,18 @@ struct Hdf5File::State {
     if (rank > 0) H5Sget_simple_extent_dims(space, dims.data(), nullptr);
     return {dims.begin(), dims.end()};
   }
+  // Before memory is asked for. Throws RunError where a damaged or hostile file declares what it cannot hold.
+  void need_storable(const std::vector<std::size_t>& shape, std::size_t size, const std::string& what) const {
+    hsize_t bytes = 0;
+    H5Fget_filesize(file, &bytes);
+    std::uint64_t count = 1;
+    for (const std::size_t n : shape) {
+      if (n != 0 && count > std::numeric_limits<std::uint64_t>::max() / n) count = std::numeric_limits<std::uint64_t>::max();
+      else count *= n;
+    }
+    if (!could_be_stored(count, size, bytes))
+      throw RunError(fmt::format("{}: '{}' declares more values than a file of {} bytes can hold", path, what, bytes));
+  }
   // Link by link, because H5Lexists fails on a missing parent.
   bool exists(const std::string& object) const {
     need_open();
@@ -205,6 +217,7 @@ struct Hdf5File::State {
     std::vector<std::string> out;
     if (count <= 0) return out;
     const auto n = static_cast<std::size_t>(count);
+    need_storable({n, H5Tget_size(type)}, 1, "text");
     if (H5Tis_variable_str(type) > 0) {
       Handle memory(H5Tcopy(H5T_C_S1), H5Tclose);
       H5Tset_size(memory, H5T_VARIABLE);
@@ -490,6 +503,7 @@ Array<T> Hdf5File::read_rows(const std::string& path, std::size_t first, std::si
   }
   first = std::min(first, out.shape[0]);
   out.shape[0] = std::min(count, out.shape[0] - first);
+  state_->need_storable(out.shape, sizeof(T), path);
   out.values.resize(product(out.shape));
   if (out.values.empty()) return out;
   std::vector<hsize_t> start(out.shape.size(), 0), extent(out.shape.begin(), out.shape.end());
@@ -603,6 +617,7 @@ std::optional<std::vector<double>> Hdf5File::numbers_attribute(const std::string
   const Handle space(H5Aget_space(a), H5Sclose);
   const hssize_t count = H5Sget_simple_extent_npoints(space);
   if (count < 0) return std::nullopt;
+  state_->need_storable({static_cast<std::size_t>(count)}, sizeof(double), name);
   std::vector<double> out(static_cast<std::size_t>(count));
   if (!out.empty() && H5Aread(a, H5T_NATIVE_DOUBLE, out.data()) < 0) return std::nullopt;
   return out;

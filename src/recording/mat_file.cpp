@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "recording/hdf5_lock.h"
+#include "recording/mat_check.h"
 
 namespace terrode::recording {
 namespace {
@@ -39,6 +40,11 @@ void keep_message(int, char* message) {
 
 bool numeric(const matvar_t& v) {
   return v.class_type >= MAT_C_DOUBLE && v.class_type <= MAT_C_UINT64 && v.isComplex == 0 && v.data != nullptr;
+}
+
+// Sparse matrices, objects, functions and cell arrays are never read.
+bool wanted(const matvar_t& v) {
+  return v.class_type == MAT_C_STRUCT || v.class_type == MAT_C_CHAR || (v.class_type >= MAT_C_DOUBLE && v.class_type <= MAT_C_UINT64);
 }
 
 template <typename T>
@@ -150,6 +156,7 @@ CsvTable read_mat_columns(const std::string& path, const std::string& group) {
   std::error_code error;
   if (!std::filesystem::exists(path, error)) throw InputError(Problem{path, 0, 0, {}, "no such file", {}});
   if (std::filesystem::is_directory(path, error)) throw InputError(Problem{path, 0, 0, {}, "is a folder", "a file"});
+  check_mat_file(path);
   Mat_LogInitFunc("terrode", keep_message);
   library_message().clear();
   auto refuse = [&](const std::string& what) {
@@ -163,8 +170,9 @@ CsvTable read_mat_columns(const std::string& path, const std::string& group) {
   if (group.empty()) {
     std::unique_ptr<matvar_t, VarFreer> only_structure;
     std::size_t variables = 0;
-    for (std::unique_ptr<matvar_t, VarFreer> v(Mat_VarReadNext(file.get())); v; v.reset(Mat_VarReadNext(file.get()))) {
+    for (std::unique_ptr<matvar_t, VarFreer> v(Mat_VarReadNextInfo(file.get())); v; v.reset(Mat_VarReadNextInfo(file.get()))) {
       ++variables;
+      if (!wanted(*v) || Mat_VarReadDataAll(file.get(), v.get()) != 0) continue;
       if (v->name) collector.add(v->name, *v);
       if (variables == 1 && v->class_type == MAT_C_STRUCT) only_structure = std::move(v);
     }
@@ -172,8 +180,9 @@ CsvTable read_mat_columns(const std::string& path, const std::string& group) {
   } else {
     std::string rest = group;
     const auto dot = rest.find('.');
-    const std::unique_ptr<matvar_t, VarFreer> top(Mat_VarRead(file.get(), rest.substr(0, dot).c_str()));
-    const matvar_t* at = top.get();
+    const std::unique_ptr<matvar_t, VarFreer> top(Mat_VarReadInfo(file.get(), rest.substr(0, dot).c_str()));
+    const bool read = top && top->class_type == MAT_C_STRUCT && Mat_VarReadDataAll(file.get(), top.get()) == 0;
+    const matvar_t* at = read ? top.get() : nullptr;
     rest = dot == std::string::npos ? "" : rest.substr(dot + 1);
     while (at && !rest.empty()) {
       const auto next = rest.find('.');
