@@ -23,7 +23,7 @@ struct Rule {
   std::vector<double> u, u_weight;     // before
 };
 
-constexpr std::array<std::size_t, 9> kOrders = {7, 10, 14, 20, 28, 40, 56, 80, 112};
+constexpr std::array<std::size_t, 10> kOrders = {5, 7, 10, 14, 20, 28, 40, 56, 80, 112};
 
 Rule rule_of(std::size_t count) {
   const std::unique_ptr<gsl_integration_glfixed_table, void (*)(gsl_integration_glfixed_table*)> gl(gsl_integration_glfixed_table_alloc(count),
@@ -315,8 +315,8 @@ struct Evaluator {
   // Adaptive bisection of each panel with two rules of different order, for stresses that no fixed rule resolves.
   void refine(Sums& sums, double from, double to, double u0, double u1, double tolerance, int depth) {
     Sums coarse, fine;
-    piece(coarse, from, to, u0, u1, rules()[1]);
-    piece(fine, from, to, u0, u1, rules()[3]);
+    piece(coarse, from, to, u0, u1, rules()[2]);
+    piece(fine, from, to, u0, u1, rules()[4]);
     const double error = std::abs(fine.load - coarse.load) + std::abs(fine.pull - coarse.pull) + std::abs(fine.torque - coarse.torque);
     if (error <= tolerance || depth == 0) {
       sums.add(fine, 1.0);
@@ -432,8 +432,9 @@ struct WheelProblem {
     load = s.normal_load;
     const ContactArc arc(s, angles, options.skid_shear, wheel.soil().friction_angle, entry);
     constexpr double kCoarseBend = 0.02, kBend = 1e-3;
-    corners.stale = order == 0 ? 0.02 : corners.bend == kBend ? 1e-5 : -1.0;  // what a coarse search found is never good enough
-    corners.bend = order == 0 ? kCoarseBend : kBend;
+    const bool coarse = order == 0 || order == 1;
+    corners.stale = coarse ? 0.02 : corners.bend == kBend ? 1e-5 : -1.0;  // what a coarse search found is never good enough
+    corners.bend = coarse ? kCoarseBend : kBend;
     Evaluator e(local, law, context, arc, &corners);
     const double area = arc.radius * context.width;
     // The integrals are in Pa; each panel may err by a share of tolerance * load / area.
@@ -577,10 +578,11 @@ SteadyState SteadyWheel::solve(const Operating& operating) const {
   const bool split = s0.slip < 0 && std::isfinite(s0.slip);  // four half-size panels need fewer points each
   const double close = 0.3 * options_.tolerance;
   const auto excess = [&](const SteadyState& s) { return std::abs(s.normal_load - problem.load) / problem.load; };
-  int order = split ? 1 : 2;
-  SteadyState state = problem.find(guess, 0, 1e-4);
   const bool modified = !(law_.contact.empty() && law_.soil.empty() && law_.pressure.empty() && law_.shear.empty() && law_.traction.empty());
-  int state_order = 0;
+  const int coarsest = split && !modified ? 0 : 1;
+  int order = split ? coarsest + 1 : 3;
+  SteadyState state = problem.find(guess, coarsest, modified ? 1e-4 : 2e-3);
+  int state_order = coarsest;
   double coarse_difference = 0.0;  // between the rule before and this one
   for (bool first = true;; first = false) {
     // A secant of rule `order` leads to the root, which is evaluated by the next finer rule and held against what the
@@ -606,10 +608,9 @@ SteadyState SteadyWheel::solve(const Operating& operating) const {
     SteadyState expected = now;
     if (way != 0) along(expected, (state.entry_angle - now.entry_angle) / way);
     const double difference = problem.scaled_difference(expected, state);
-    // Two differences tell how fast the rules converge, and so what the finer one still errs by: with effects that is
-    // relied on, for what they bend costs several rules more.
+    // Two differences tell how fast the rules converge, and so what the finer one still errs by.
     const double error = difference * std::min(1.0, difference / std::max(coarse_difference, difference));
-    if (difference <= close || (modified && error <= close && difference <= 100.0 * options_.tolerance)) {
+    if (difference <= close || (error <= close && difference <= 100.0 * options_.tolerance)) {
       // What is left of the load: a step too small to bend the secant.
       if (way != 0 && now.normal_load != before.normal_load) {
         along(state, (problem.load - state.normal_load) / (now.normal_load - before.normal_load));
