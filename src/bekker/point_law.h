@@ -138,11 +138,13 @@ struct PreparedLaw {
   const PressureLaw* pressure_law = nullptr;
   const ShearLaw* shear_law = nullptr;
   std::vector<const StressModifier*> contact, soil, pressure, shear, traction, shear_corners;
-  bool plain = true;  // sigma = k (z/b)^n and Janosi-Hanamoto, nothing else
+  bool modified = false;  // by whatever the modifiers are
+  bool plain = true;      // sigma = k (z/b)^n and Janosi-Hanamoto, nothing else
 
   PreparedLaw() = default;
   explicit PreparedLaw(const PointLaw& law)
-      : pressure_law(law.pressure_law), shear_law(law.shear_law), plain(law.modifiers.empty() && !law.pressure_law && !law.shear_law) {
+      : pressure_law(law.pressure_law), shear_law(law.shear_law), modified(!law.modifiers.empty()),
+        plain(!modified && !law.pressure_law && !law.shear_law) {
     for (const StressModifier* m : law.modifiers) {
       const unsigned hooks = m->hooks();
       if (hooks & StressModifier::kContact) contact.push_back(m);

@@ -19,11 +19,12 @@ namespace {
 // power of the distance (n < 1 makes its slope infinite) and shear builds up within a few K.
 struct Rule {
   std::size_t count = 0;
-  std::vector<double> at, weight;      // on [0, 1], after u -> u^3
-  std::vector<double> u, u_weight;     // before
+  std::vector<double> at, weight;            // on [0, 1], after u -> u^3
+  std::vector<double> u, u_weight;           // before
+  std::vector<double> both_at, both_weight;  // after u -> u^3 (4 - 3 u), which clusters points at both ends
 };
 
-constexpr std::array<std::size_t, 10> kOrders = {5, 7, 10, 14, 20, 28, 40, 56, 80, 112};
+constexpr std::array<std::size_t, 9> kOrders = {7, 10, 14, 20, 28, 40, 56, 80, 112};
 
 Rule rule_of(std::size_t count) {
   const std::unique_ptr<gsl_integration_glfixed_table, void (*)(gsl_integration_glfixed_table*)> gl(gsl_integration_glfixed_table_alloc(count),
@@ -37,6 +38,8 @@ Rule rule_of(std::size_t count) {
     out.weight.push_back(3.0 * u * u * w);
     out.u.push_back(u);
     out.u_weight.push_back(w);
+    out.both_at.push_back(u * u * u * (4.0 - 3.0 * u));
+    out.both_weight.push_back(12.0 * u * u * (1.0 - u) * w);
   }
   return out;
 }
@@ -190,6 +193,13 @@ struct Evaluator {
     for (std::size_t k = 0; k < pieces; ++k) piece(sums, from, to, u[k], u[k + 1], rule_of_piece(kOrders[order] - kOrders[order] / 7, u[k + 1] - u[k]));
   }
 
+  // The same with points clustered at both ends, where nothing cuts the panel.
+  void panel_of_two_ends(Sums& sums, double from, double to, std::size_t order) {
+    const double length = to - from, size = std::abs(length);
+    const Rule& rule = rules()[order];
+    for (std::size_t i = 0; i < rule.count; ++i) sums.add(at(from + length * rule.both_at[i]), size * rule.both_weight[i]);
+  }
+
   // Where in u of [from, to] the shear passes corners; from where they were before, if that is known.
   void find_shear_corners(double from, double to, const StressModifier& m, std::array<double, kPerPanel>& corner) {
     const auto value = [&](double u) {
@@ -266,9 +276,10 @@ struct Evaluator {
     }
   }
 
-  // Panels so that every end of a branch of sigma or j has points clustered at it.
-  template <class Integrate>
-  void panels(const Integrate& work) {
+  // Panels so that every end of a branch of sigma or j has points clustered at it. What has a branch's end on both sides is
+  // first offered whole to `work_both`, which may refuse it.
+  template <class Integrate, class IntegrateBoth>
+  void panels(const Integrate& work, const IntegrateBoth& work_both) {
     const double m = arc.theta_m;
     panel_index = 0;
     const auto integrate = [&](double from, double to) {
@@ -281,11 +292,12 @@ struct Evaluator {
       return;
     }
     const auto both_ends = [&](double a, double b) {
+      if (a != b && work_both(a, b)) return;
       const double middle = 0.5 * (a + b);
       integrate(a, middle);
       integrate(b, middle);
     };
-    both_ends(m, arc.theta_f);
+    both_ends(arc.theta_f, m);
     const double zero = rear_sign_change();
     if (zero > arc.theta_r && zero < m) {
       both_ends(arc.theta_r, zero);
@@ -308,15 +320,20 @@ struct Evaluator {
 
   Sums integral(std::size_t order) {
     Sums sums;
-    panels([&](double from, double to) { panel(sums, from, to, order); });
+    const bool whole = !law.modified && corner_count == 0;
+    panels([&](double from, double to) { panel(sums, from, to, order); },
+           [&](double from, double to) {
+             if (whole) panel_of_two_ends(sums, from, to, order);
+             return whole;
+           });
     return sums;
   }
 
   // Adaptive bisection of each panel with two rules of different order, for stresses that no fixed rule resolves.
   void refine(Sums& sums, double from, double to, double u0, double u1, double tolerance, int depth) {
     Sums coarse, fine;
-    piece(coarse, from, to, u0, u1, rules()[2]);
-    piece(fine, from, to, u0, u1, rules()[4]);
+    piece(coarse, from, to, u0, u1, rules()[1]);
+    piece(fine, from, to, u0, u1, rules()[3]);
     const double error = std::abs(fine.load - coarse.load) + std::abs(fine.pull - coarse.pull) + std::abs(fine.torque - coarse.torque);
     if (error <= tolerance || depth == 0) {
       sums.add(fine, 1.0);
@@ -329,11 +346,12 @@ struct Evaluator {
 
   Sums adaptive(double tolerance) {
     Sums sums;
-    panels([&](double from, double to) {
+    const auto refined = [&](double from, double to) {
       Ends u{};
       const std::size_t pieces = cut(from, to, u);
       for (std::size_t k = 0; k < pieces; ++k) refine(sums, from, to, u[k], u[k + 1], tolerance, 24);
-    });
+    };
+    panels(refined, [](double, double) { return false; });
     return sums;
   }
 };
@@ -432,9 +450,8 @@ struct WheelProblem {
     load = s.normal_load;
     const ContactArc arc(s, angles, options.skid_shear, wheel.soil().friction_angle, entry);
     constexpr double kCoarseBend = 0.02, kBend = 1e-3;
-    const bool coarse = order == 0 || order == 1;
-    corners.stale = coarse ? 0.02 : corners.bend == kBend ? 1e-5 : -1.0;  // what a coarse search found is never good enough
-    corners.bend = coarse ? kCoarseBend : kBend;
+    corners.stale = order == 0 ? 0.02 : corners.bend == kBend ? 1e-5 : -1.0;  // what a coarse search found is never good enough
+    corners.bend = order == 0 ? kCoarseBend : kBend;
     Evaluator e(local, law, context, arc, &corners);
     const double area = arc.radius * context.width;
     // The integrals are in Pa; each panel may err by a share of tolerance * load / area.
@@ -575,14 +592,13 @@ SteadyState SteadyWheel::solve(const Operating& operating) const {
   const double guess = std::acos(std::clamp(1 - z0 / wheel_.radius, 0.2, 1 - 1e-12));
   problem.load = s0.normal_load;
   // A coarse root first, then finer rules until two orders agree.
-  const bool split = s0.slip < 0 && std::isfinite(s0.slip);  // four half-size panels need fewer points each
+  const bool modified = law_.modified;
+  const bool quartered = modified && s0.slip < 0 && std::isfinite(s0.slip);  // four half-size panels need fewer points each
   const double close = 0.3 * options_.tolerance;
   const auto excess = [&](const SteadyState& s) { return std::abs(s.normal_load - problem.load) / problem.load; };
-  const bool modified = !(law_.contact.empty() && law_.soil.empty() && law_.pressure.empty() && law_.shear.empty() && law_.traction.empty());
-  const int coarsest = split && !modified ? 0 : 1;
-  int order = split ? coarsest + 1 : 3;
-  SteadyState state = problem.find(guess, coarsest, modified ? 1e-4 : 2e-3);
-  int state_order = coarsest;
+  int order = quartered ? 1 : 2;
+  SteadyState state = problem.find(guess, 0, modified ? 1e-4 : 2e-3);
+  int state_order = 0;
   double coarse_difference = 0.0;  // between the rule before and this one
   for (bool first = true;; first = false) {
     // A secant of rule `order` leads to the root, which is evaluated by the next finer rule and held against what the
@@ -608,8 +624,10 @@ SteadyState SteadyWheel::solve(const Operating& operating) const {
     SteadyState expected = now;
     if (way != 0) along(expected, (state.entry_angle - now.entry_angle) / way);
     const double difference = problem.scaled_difference(expected, state);
-    // Two differences tell how fast the rules converge, and so what the finer one still errs by.
-    const double error = difference * std::min(1.0, difference / std::max(coarse_difference, difference));
+    // Two differences tell how fast the rules converge, and so what the finer one still errs by; not faster than a
+    // broken power lets them, and with effects that is relied on further, for what they bend costs several rules more.
+    const double ratio = difference / std::max(coarse_difference, difference);
+    const double error = difference * std::max(modified ? 0.0 : 0.3, ratio);
     if (difference <= close || (error <= close && difference <= 100.0 * options_.tolerance)) {
       // What is left of the load: a step too small to bend the secant.
       if (way != 0 && now.normal_load != before.normal_load) {
