@@ -448,7 +448,8 @@ TEST(EveryEffect, ChangesTheMeansWithTheSignsItDeclares) {
         if (declared[c] != 0) {
           EXPECT_GE(std::abs(d[c]), kSmallShare * largest(d)) << "channel " << c << ": " << d[0] << " " << d[1] << " " << d[2];
         } else {
-          EXPECT_LE(std::abs(d[c]), kSmallShare * largest(d)) << "channel " << c << ": " << d[0] << " " << d[1] << " " << d[2];
+          // An effect that leaves all means leaves them to the rounding of two ways of integrating.
+          EXPECT_LE(std::abs(d[c]), std::max(kSmallShare * largest(d), kNullRoundoff)) << "channel " << c << ": " << d[0] << " " << d[1] << " " << d[2];
         }
       }
     }
