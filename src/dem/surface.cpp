@@ -8,7 +8,10 @@
 #include <fstream>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <sstream>
+
+#include <Eigen/Geometry>
 
 #include "core/problem.h"
 #include "wheel/body.h"
@@ -171,13 +174,10 @@ class Mesh : public Surface {
           break;
         }
     throw_if_any(problems);
-    for (const auto& t : triangles_) {
-      const Vec3 &a = vertices_[std::size_t(t[0])], &b = vertices_[std::size_t(t[1])],
-                 &c = vertices_[std::size_t(t[2])];
-      const Vec3 centre = (a + b + c) / 3.0;
-      centres_.push_back(centre);
-      radii_.push_back(std::max({(a - centre).norm(), (b - centre).norm(), (c - centre).norm()}));
-    }
+    order_.resize(triangles_.size());
+    std::iota(order_.begin(), order_.end(), 0);
+    tree_.reserve(2 * triangles_.size());
+    split(0, static_cast<int>(triangles_.size()));
     for (const Vec3& v : vertices_) extent_ = std::max(extent_, v.norm());
   }
   // The contacts are the local minima of the distance over the whole mesh: a triangle's nearest point counts unless it
@@ -189,19 +189,36 @@ class Mesh : public Surface {
       int triangle;
       Vec3 q;
     };
+    const auto nearer = [](const Candidate& a, const Candidate& b) {
+      return a.distance2 != b.distance2 ? a.distance2 < b.distance2 : a.triangle < b.triangle;
+    };
+    // The nearest ones, as a heap with the farthest of them on top once it is full.
     constexpr int most = 64;
     Candidate found[most];
     int n_found = 0;
-    for (std::size_t k = 0; k < triangles_.size() && n_found < most; ++k) {
-      const double bound = reach + radii_[k];
-      if ((p - centres_[k]).squaredNorm() >= bound * bound) continue;
-      const Vec3 q = closest(p, k);
-      const double d2 = (p - q).squaredNorm();
-      if (d2 < reach * reach) found[n_found++] = {d2, static_cast<int>(k), q};
+    double within = reach * reach;
+    int open[kDeepest], n_open = 0;
+    open[n_open++] = 0;
+    while (n_open > 0) {
+      const Node& node = tree_[static_cast<std::size_t>(open[--n_open])];
+      if (node.box.squaredExteriorDistance(p) >= within) continue;
+      if (node.right > 0) {
+        open[n_open++] = node.right;
+        open[n_open++] = static_cast<int>(&node - tree_.data()) + 1;
+        continue;
+      }
+      for (int i = node.first; i < node.end; ++i) {
+        const int k = order_[static_cast<std::size_t>(i)];
+        const Vec3 q = closest(p, static_cast<std::size_t>(k));
+        const double d2 = (p - q).squaredNorm();
+        if (d2 >= within) continue;
+        if (n_found == most) std::pop_heap(found, found + n_found--, nearer);
+        found[n_found++] = {d2, k, q};
+        std::push_heap(found, found + n_found, nearer);
+        if (n_found == most) within = std::nextafter(found[0].distance2, reach * reach);
+      }
     }
-    std::sort(found, found + n_found, [](const Candidate& a, const Candidate& b) {
-      return a.distance2 != b.distance2 ? a.distance2 < b.distance2 : a.triangle < b.triangle;
-    });
+    std::sort(found, found + n_found, nearer);
     int n = 0;
     for (int k = 0; k < n_found && n < max_surface_points; ++k) {
       bool covered = false;
@@ -226,8 +243,42 @@ class Mesh : public Surface {
     return closest_on_triangle(p, vertices_[std::size_t(t[0])], vertices_[std::size_t(t[1])],
                                vertices_[std::size_t(t[2])]);
   }
-  std::vector<Vec3> centres_;
-  std::vector<double> radii_;
+  // A tree of boxes over the triangles, each node before its left child.
+  struct Node {
+    Eigen::AlignedBox3d box;
+    int right = 0;           // index of the right child; 0: a leaf, of order_[first, end)
+    int first = 0, end = 0;
+  };
+  static constexpr int kLeaf = 4, kDeepest = 64;  // halves: more triangles than memory holds would be needed
+  void split(int first, int end) {
+    const std::size_t here = tree_.size();
+    tree_.emplace_back();
+    Eigen::AlignedBox3d box, centres;
+    for (int i = first; i < end; ++i) {
+      for (const int v : triangles_[static_cast<std::size_t>(order_[static_cast<std::size_t>(i)])]) box.extend(vertices_[static_cast<std::size_t>(v)]);
+      centres.extend(centre(order_[static_cast<std::size_t>(i)]));
+    }
+    tree_[here].box = box;
+    tree_[here].first = first;
+    tree_[here].end = end;
+    if (end - first <= kLeaf) return;
+    int axis = 0;
+    centres.sizes().maxCoeff(&axis);
+    const int middle = first + (end - first) / 2;
+    std::nth_element(order_.begin() + first, order_.begin() + middle, order_.begin() + end, [&](int a, int b) {
+      const double ca = centre(a)[axis], cb = centre(b)[axis];
+      return ca != cb ? ca < cb : a < b;
+    });
+    split(first, middle);
+    tree_[here].right = static_cast<int>(tree_.size());
+    split(middle, end);
+  }
+  Vec3 centre(int k) const {
+    const auto& t = triangles_[static_cast<std::size_t>(k)];
+    return (vertices_[std::size_t(t[0])] + vertices_[std::size_t(t[1])] + vertices_[std::size_t(t[2])]) / 3.0;
+  }
+  std::vector<int> order_;
+  std::vector<Node> tree_;
   double extent_ = 0.0;
 };
 

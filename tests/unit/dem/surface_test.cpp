@@ -3,10 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 
 #include "core/problem.h"
+#include "core/random.h"
 #include "wheel/convex.h"
 
 namespace terrode::dem {
@@ -98,6 +100,38 @@ TEST(Surface, MeshCornerHasTwoFacesInsideAndOneEdgeOutside) {
                 {{0, 2, 1}, {0, 3, 2}, {0, 1, 4}, {0, 4, 5}});
   EXPECT_EQ(count(s, Vec3(0.3, 0.2, 0.4), 0.5), 2);
   EXPECT_NEAR(only(s, Vec3(-0.3, 0.2, -0.4), 0.6).distance, 0.5, exact);
+}
+
+// However many triangles are in reach, the first contact is the nearest point of all.
+TEST(Surface, RoughMeshGivesTheNearestPointOfAllItsTriangles) {
+  Random random(3);
+  std::vector<Vec3> v;
+  std::vector<std::array<int, 3>> t;
+  constexpr int n = 24;
+  for (int y = 0; y <= n; ++y)
+    for (int x = 0; x <= n; ++x) v.emplace_back(0.1 * x, 0.1 * y, random.uniform(0, 0.08));
+  for (int y = 0; y < n; ++y)
+    for (int x = 0; x < n; ++x) {
+      const int a = y * (n + 1) + x;
+      t.push_back({a, a + 1, a + n + 2});
+      t.push_back({a, a + n + 2, a + n + 1});
+    }
+  const auto s = make_mesh(v, t);
+  for (int i = 0; i < 200; ++i) {
+    const Vec3 p(random.uniform(0, 2.4), random.uniform(0, 2.4), random.uniform(0.1, 1.0));
+    double least = 1e9;
+    int in_reach = 0;
+    for (const auto& k : t) {
+      const Vec3 q = closest_on_triangle(p, v[static_cast<std::size_t>(k[0])], v[static_cast<std::size_t>(k[1])], v[static_cast<std::size_t>(k[2])]);
+      least = std::min(least, (p - q).norm());
+      in_reach += (p - q).norm() < 1.1;
+    }
+    ASSERT_GT(in_reach, 64);
+    std::array<SurfacePoint, max_surface_points> found;
+    ASSERT_GT(s->near(p, 1.1, found.data()), 0);
+    EXPECT_NEAR(found[0].distance, least, exact);
+    EXPECT_EQ(s->near(p, 0.999 * least, found.data()), 0);
+  }
 }
 
 TEST(Surface, StlIsReadAsciiAndBinary) {
