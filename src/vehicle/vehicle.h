@@ -146,7 +146,7 @@ struct VehicleSpec {
 };
 
 struct VehicleOptions {
-  double time_step = 2e-3;              // s
+  double time_step = 4e-3;              // s
   double sample_interval = 2e-2;        // s
   double settle_time = 1.0;             // s
   Vec3 gravity{0.0, 0.0, -9.81};        // m/s2; tilt it for a slope

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 
@@ -116,7 +117,7 @@ TEST(VehicleOnSoil, EnergyBooksClose) {
       known += c.plastic + c.slip + c.damping + c.result.stored_energy;
     }
     // Powers at the steps' beginnings against work over the steps: first order in the step. The car's heavy wheels
-    // bounce in their contacts at 2 ms, which takes its sum off by some hundredths.
+    // bounce in their contacts, which takes its sum off by some hundredths.
     if (name != "two-axle-car") {
       EXPECT_NEAR(known, e.ground, 0.02 * e.ground) << name;
     }
@@ -215,6 +216,30 @@ TEST(VehicleOnSoil, WheelOfAMachineWhoseOthersFloatAgreesWithTheRig) {
   for (const char* c : {"drawbar_pull", "driving_torque", "sinkage"})
     EXPECT_NEAR(mean(run, std::string("front_") + c), mean(alone, c), 2e-3 * std::abs(mean(alone, c))) << c;
   EXPECT_NEAR(mean(run, "front_slip"), mean(alone, "slip"), 1e-3);
+}
+
+// What a quarter of the default step gives, to a hundredth of each wheel's load and of its sinkage.
+TEST(VehicleOnSoil, DefaultStepIsFineEnough) {
+  for (const auto& name : {"rocker-bogie-rover", "skid-steer-robot"}) {
+    SCOPED_TRACE(name);
+    std::vector<recording::Run> runs;
+    for (const double share : {1.0, 0.25}) {
+      VehicleOptions options;
+      options.time_step *= share;
+      Vehicle v(machine(name), options, soft());
+      Script script(move(4.0, 0.1, 0.2));
+      runs.push_back(v.run(script, 4.0));
+    }
+    for (const auto& wheel : machine(name).wheels) {
+      const auto both = [&](const char* channel) {
+        const std::string key = wheel.name + "_" + channel;
+        return std::array{mean_of_last(runs[0].find(key)->values, 0.4), mean_of_last(runs[1].find(key)->values, 0.4)};
+      };
+      const auto load = both("normal_load"), pull = both("drawbar_pull"), sinkage = both("sinkage");
+      EXPECT_NEAR(pull[0], pull[1], 0.01 * load[1]) << wheel.name;
+      EXPECT_NEAR(sinkage[0], sinkage[1], 0.01 * sinkage[1]) << wheel.name;
+    }
+  }
 }
 
 // The steady wheel's largest pull over slips up to 0.9 for a load, and so the slope at which the weight along it is all
