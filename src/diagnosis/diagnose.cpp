@@ -438,27 +438,53 @@ class Diagnoser {
     return best;
   }
 
-  void try_singles() {
-    starts_ = listed(model_, options_, ripples_);
-    const std::size_t named = starts_.size();
-    // Nameless terms are linear in their amplitude: the six that promise most are fitted.
+  // First-order gain of a start at a fit, whose hypothesis it extends.
+  double promise(const Hypothesis& start, const Projected& at, const Tried& from) const {
+    Fit f = from.fit;
+    f.parameters = model_.parameters_of(start);
+    for (std::size_t k = from.fit.parameters.size(); k < f.parameters.size(); ++k)
+      f.extra.push_back(first_coordinate(f.parameters[k], start.effects[f.parameters[k].effect]));
+    return at.score(start, f);
+  }
+
+  // Of many starts those whose first-order gain is highest: a fit finds its way from the nearest.
+  std::vector<Hypothesis> most_promising(const std::vector<Hypothesis>& starts, const Projected& at, const Tried& from, std::size_t most) const {
+    if (starts.size() <= most) return starts;
+    std::vector<std::pair<double, std::size_t>> order;
+    for (std::size_t i = 0; i < starts.size(); ++i) order.emplace_back(-promise(starts[i], at, from), i);
+    std::sort(order.begin(), order.end());
+    std::vector<Hypothesis> out;
+    for (std::size_t i = 0; i < most; ++i) out.push_back(starts[order[i].second]);
+    return out;
+  }
+
+  // Nameless terms on top of a fit: linear in their amplitude, so the six of highest first-order gain are worth a fit.
+  std::vector<Hypothesis> promising_terms(const Projected& at, const Tried& from) const {
     const std::vector<Hypothesis> all = nameless(campaign_);
     std::vector<double> score(all.size());
-    {
-      const Projected plain(model_, plain_);
-      parallel_for(all.size(), options_.threads, [&](std::size_t i) {
-        Fit f = plain_.fit;
-        f.extra = {1e-3};
-        score[i] = plain.score(all[i], f);
-      });
-    }
+    parallel_for(all.size(), options_.threads, [&](std::size_t i) {
+      Fit f = from.fit;
+      f.extra.push_back(1e-3);
+      score[i] = at.score(joined(from.hypothesis, all[i]), f);
+    });
     std::vector<std::size_t> order(all.size());
     for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
     std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return score[a] > score[b]; });
     if (order.size() > 6) order.resize(6);
-    for (const std::size_t i : order) starts_.push_back({all[i]});
+    std::vector<Hypothesis> out;
+    for (const std::size_t i : order) out.push_back(all[i]);
+    return out;
+  }
+
+  void try_singles() {
+    starts_ = listed(model_, options_, ripples_);
+    const std::size_t named = starts_.size();
+    const Projected plain(model_, plain_);
+    for (const Hypothesis& h : promising_terms(plain, plain_)) starts_.push_back({h});
     singles_.resize(starts_.size());
-    parallel_for(starts_.size(), options_.threads, [&](std::size_t i) { singles_[i] = best_of(starts_[i], plain_.fit.base); });
+    parallel_for(starts_.size(), options_.threads, [&](std::size_t i) {
+      singles_[i] = best_of(i < named ? most_promising(starts_[i], plain, plain_, 3) : starts_[i], plain_.fit.base);
+    });
     named_ = named;
     lowest_ = plain_.fit.misfit;
     lowest_penalty_ = plain_.fit.penalty;
@@ -686,14 +712,7 @@ class Diagnoser {
       const std::string& id = starts_[i].front().effects.front().id;
       if (contains(from.hypothesis, id)) continue;
       double best = 0;
-      for (const Hypothesis& start : starts_[i]) {
-        const Hypothesis h = joined(from.hypothesis, start);
-        Fit f = from.fit;
-        f.parameters = model_.parameters_of(h);
-        for (std::size_t k = from.fit.parameters.size(); k < f.parameters.size(); ++k)
-          f.extra.push_back(first_coordinate(f.parameters[k], start.effects.front()));
-        best = std::max(best, at.score(h, f));
-      }
+      for (const Hypothesis& start : starts_[i]) best = std::max(best, promise(joined(from.hypothesis, start), at, from));
       out.emplace_back(best, i);
     }
     std::sort(out.begin(), out.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
@@ -701,18 +720,15 @@ class Diagnoser {
     return out;
   }
 
+  // The best explanation so far, or the single that `slots` begin with, and one effect more.
   Tried fit_slots(const std::vector<std::size_t>& slots) const {
-    Hypothesis h = continued(model_, singles_[slots.front()]);
-    Eigen::VectorXd base = singles_[slots.front()].fit.base;
-    if (slots.size() == slots_.size() + 1 && std::equal(slots.begin(), slots.end() - 1, slots_.begin())) {
-      h = continued(model_, best_);
-      base = best_.fit.base;
-      std::vector<Hypothesis> starts;
-      for (const Hypothesis& s : starts_[slots.back()]) starts.push_back(joined(h, s));
-      return best_of(starts, base);
-    }
-    for (std::size_t k = 1; k < slots.size(); ++k) h = joined(h, starts_[slots[k]].front());
-    return best_of({h}, base, 25);
+    const bool on_best = std::equal(slots.begin(), slots.end() - 1, slots_.begin(), slots_.end());
+    const Tried& from = on_best ? best_ : singles_[slots.front()];
+    const Hypothesis h = continued(model_, from);
+    std::vector<Hypothesis> starts;
+    for (const Hypothesis& s : starts_[slots.back()]) starts.push_back(joined(h, s));
+    if (starts.size() > 1) starts = most_promising(starts, Projected(model_, from), from, on_best ? 2 : 1);
+    return best_of(starts, from.fit.base);
   }
 
   // Every other effect in the place of one member of the best explanation: the probability of each, given the others.
@@ -735,6 +751,7 @@ class Diagnoser {
       Tried reduced{others, model_.fit(others, best_.fit.base)};
       std::set<std::size_t> worth;
       for (const auto& [score, i] : scores(reduced)) worth.insert(i);
+      const Projected at(model_, reduced);
       parallel_for(rivals.size(), options_.threads, [&](std::size_t k) {
         tried[k].fit.chi2 = std::numeric_limits<double>::infinity();
         if (starts_[rivals[k]].front().effects.front().id == own) {
@@ -742,7 +759,7 @@ class Diagnoser {
         } else if (worth.contains(rivals[k])) {
           std::vector<Hypothesis> starts;
           for (const Hypothesis& s : starts_[rivals[k]]) starts.push_back(joined(others, s));
-          tried[k] = best_of(starts, reduced.fit.base);
+          tried[k] = best_of(most_promising(starts, at, reduced, 2), reduced.fit.base);
         }
       });
     }
@@ -945,14 +962,14 @@ class Diagnoser {
     const bool alone = support(singles_[top]) - support(best_) > kFurther && short_by > 0.04;
     // On top of it, what is left must be large: the listed effect then is not the cause, or not all of it.
     std::vector<Tried> on_top;
-    std::vector<Hypothesis> list = nameless(campaign_);
     const Hypothesis from = continued(model_, best_);
     const bool poor = leaves_much(best_);
-    if (poor || overdispersion(best_.fit) > 1.25) {
+    if (poor) {
+      const std::vector<Hypothesis> list = promising_terms(Projected(model_, best_), best_);
       on_top.resize(list.size());
       parallel_for(list.size(), options_.threads, [&](std::size_t i) {
         Hypothesis h = joined(from, list[i]);
-        on_top[i] = {h, model_.fit(h, best_.fit.base, {}, {}, 8)};
+        on_top[i] = {h, model_.fit(h, best_.fit.base)};
       });
     }
     note(on_top);

@@ -16,6 +16,7 @@ namespace terrode::diagnosis {
 namespace {
 
 constexpr int kNodes = 6;  // in time, where an effect changes the soil along a run
+constexpr double kLittleGain = 0.01;  // of chi-square: a fit that gains less has settled
 
 double from_coordinate(double x, effects::Scale scale) {
   switch (scale) {
@@ -137,12 +138,19 @@ Model::Model(const Campaign& campaign) : campaign_(&campaign) {
   const double w = reference_load_, r = campaign.wheel.radius;
   noise_.sample = {0.02 * w, 0.02 * w * r, 0.002 * r};
   noise_.floor = {0.002 * w, 0.002 * w * r, 0.0};
-  // Without series or replicates, tables are taken to be good to a few percent of the load.
+  // Without series or replicates, tables are taken to be good to a few percent of the load, or to the deviations that
+  // most of their rows give.
   bool any_series = false;
   for (const RunData& run : campaign.runs) any_series = any_series || !run.steady;
   if (!any_series) {
     noise_.sample = {0, 0, 0};
     noise_.floor = {0.02 * w, 0.02 * w * r, 0.004 * r};
+    for (std::size_t ch = 0; ch < kChannels; ++ch) {
+      std::vector<double> given;
+      for (const RunData& run : campaign.runs)
+        if (run.table_std[ch] > 0) given.push_back(run.table_std[ch]);
+      if (2 * given.size() >= campaign.runs.size()) noise_.floor[ch] = median(given);
+    }
   }
 }
 
@@ -170,9 +178,13 @@ std::vector<FitParameter> Model::parameters_of(const Hypothesis& h) const {
   std::vector<FitParameter> out;
   for (std::size_t e = 0; e < h.effects.size(); ++e) {
     const effects::EffectType* type = effects::find_effect(h.effects[e].id);
+    std::vector<double> typical;
+    for (const effects::Parameter& p : type->info->parameters) typical.push_back(p.typical);
+    const auto effect = type->make(std::move(typical));
+    const bool of_reading = effect->hooks() == 0 || effect->settles();
     for (const effects::Parameter& p : type->info->parameters) {
       if (p.scale == effects::Scale::choice || !p.fitted) continue;
-      FitParameter f{e, std::string(p.name), p.scale, 0, 0, 0, 0, 0, p.strength, 0};
+      FitParameter f{e, std::string(p.name), p.scale, 0, 0, 0, 0, 0, p.strength, 0, of_reading};
       const double lo = to_coordinate(p.lower, p.scale), hi = to_coordinate(p.upper, p.scale);
       f.lower = std::min(lo, hi);
       f.upper = std::max(lo, hi);
@@ -195,7 +207,7 @@ std::vector<FitParameter> Model::parameters_of(const Hypothesis& h) const {
       out.push_back(f);
     }
     for (const effects::Beside& b : type->info->search.beside)
-      out.push_back({e, std::string(b.name), effects::Scale::linear, 0, b.lower, b.upper, b.prior_mean, b.prior_deviation, false, b.lower});
+      out.push_back({e, std::string(b.name), effects::Scale::linear, 0, b.lower, b.upper, b.prior_mean, b.prior_deviation, false, b.lower, true});
   }
   return out;
 }
@@ -321,19 +333,18 @@ Model::Vector Model::evaluate(const Hypothesis& h, const std::vector<FitParamete
         const double slow = std::isfinite(q.slip) ? std::abs(q.slip) : 1.0;
         const double start[kChannels] = {base(kForceStart), base(kForceStart), base(kSinkStart) + base(kSinkSlip) * slow};
         double* value[kChannels] = {&y.drawbar_pull, &y.driving_torque, &y.sinkage};
+        // Mean over the bin of the start-up's remainder, through the channel's lag where it has one.
+        const double t0 = length / std::max(1e-9, speed), u = 0.5 * bin.width / t0;
+        const double prompt = std::exp(-bin.time / t0) * (u > 1e-6 ? std::sinh(std::min(u, 500.0)) / u : 1.0);
         for (int ch = 0; ch < kChannels; ++ch) {
-          // Mean over the bin of the start-up's remainder, through the channel's lag where it has one.
-          double rest = 0;
-          const double t0 = length / std::max(1e-9, speed);
+          double rest = prompt;
           if (lag[ch] > 0) {
+            rest = 0;
             const double tau = std::abs(lag[ch] - t0) < 1e-6 * t0 ? t0 * 1.00001 : lag[ch];
             for (int i = 0; i < 4; ++i) {
               const double t = std::max(0.0, bin.time + bin.width * (0.25 * i - 0.375));
               rest += 0.25 * (t0 * std::exp(-t / t0) - tau * std::exp(-t / tau)) / (t0 - tau);
             }
-          } else {
-            const double u = 0.5 * bin.width / t0;
-            rest = std::exp(-bin.time / t0) * (u > 1e-6 ? std::sinh(std::min(u, 500.0)) / u : 1.0);
           }
           *value[ch] *= 1.0 - start[ch] * rest;
         }
@@ -618,14 +629,16 @@ Fit Model::fit(const Hypothesis& h, const Eigen::VectorXd& start, const std::vec
     return out;
   }
   const auto na = static_cast<Eigen::Index>(active.size());
-  Eigen::MatrixXd hessian(na, na);
+  Eigen::MatrixXd hessian(na, na), j(r.size(), na);
   double lambda = 1e-3;
-  int quiet = 0;
-  for (int it = 0; it < iterations; ++it) {
-    Eigen::MatrixXd j(r.size(), na);
+  // Between full Jacobians, Broyden's update along the step just made serves while it predicts the gain.
+  bool fresh = false, usable = false;
+  for (int it = 0, full = 0; full <= iterations && it < 4 * iterations; ++it) {
     SteadyCache cache;
-    evaluate(h, out.parameters, x, use, &cache);
-    for (Eigen::Index a = 0; a < na; ++a) {
+    fresh = !usable;
+    full += fresh;
+    if (fresh) evaluate(h, out.parameters, x, use, &cache);
+    for (Eigen::Index a = 0; fresh && a < na; ++a) {
       const Eigen::Index i = active[static_cast<std::size_t>(a)];
       Eigen::VectorXd p = x;
       double h_step = step(i);
@@ -636,7 +649,8 @@ Fit Model::fit(const Hypothesis& h, const Eigen::VectorXd& start, const std::vec
       p(i) += h_step;
       const bool start_up = i >= kLnRunIn && i < kBaseCount;
       const bool free_term = h.free_channel >= 0 && i == n - 1;
-      const Vector v = evaluate(h, out.parameters, p, use, start_up || free_term ? &cache : nullptr);
+      const bool of_reading = i >= kBaseCount && !free_term && out.parameters[static_cast<std::size_t>(i - kBaseCount)].of_reading;
+      const Vector v = evaluate(h, out.parameters, p, use, start_up || free_term || of_reading ? &cache : nullptr);
       if (v.ok) {
         j.col(a) = (whiten(v, use) - r) / h_step;
       } else {
@@ -651,8 +665,8 @@ Fit Model::fit(const Hypothesis& h, const Eigen::VectorXd& start, const std::vec
       hessian(a, a) += w;
       gradient(a) += w * (x(i) - mean(i));
     }
-    bool improved = false;
-    for (int tries = 0; tries < 8 && !improved; ++tries) {
+    bool improved = false, quiet = false;
+    for (int tries = 0; tries < (fresh ? 8 : 2) && !improved; ++tries) {
       Eigen::MatrixXd damped = hessian;
       damped.diagonal() *= 1.0 + lambda;
       const Eigen::VectorXd move = -damped.ldlt().solve(gradient);
@@ -662,20 +676,30 @@ Fit Model::fit(const Hypothesis& h, const Eigen::VectorXd& start, const std::vec
       const double c = cost(p, trial_r);
       if (c < best) {
         const double gain = best - c;
+        Eigen::VectorXd moved(na), scaled(na);
+        for (Eigen::Index a = 0; a < na; ++a) {
+          const Eigen::Index i = active[static_cast<std::size_t>(a)];
+          moved(a) = p(i) - x(i);
+          scaled(a) = moved(a) / (deviation(i) * deviation(i));
+        }
+        const double promised = -(2.0 * gradient.dot(moved) + moved.dot(hessian * moved));
+        j += (trial_r - r - j * moved) * scaled.transpose() / std::max(1e-300, scaled.dot(moved));
+        usable = gain > 0.5 * promised && gain < 1.5 * promised;
         x = p;
         r = trial_r;
         best = c;
         lambda = std::max(1e-9, lambda * 0.2);
         improved = true;
-        quiet = gain < 1e-3 * (1 + 1e-4 * best) ? quiet + 1 : 0;
+        quiet = gain < kLittleGain;
       } else {
         lambda *= 6.0;
       }
     }
-    if (!improved || quiet >= 2) {
+    if (fresh && (!improved || quiet)) {
       out.converged = true;
       break;
     }
+    if (!improved || quiet) usable = false;
   }
   out.base = x.head(kBaseCount);
   out.extra.assign(x.data() + kBaseCount, x.data() + n);

@@ -24,6 +24,7 @@ struct FitParameter {
   double null_value, lower, upper, prior_mean, prior_deviation;  // of the coordinate
   bool strength;
   double least;           // of scale `inverse`: coordinates below this count as the null
+  bool of_reading;        // changes what is read and not what acts: the steady states stay
 };
 
 // The coordinate in which a parameter of this scale is fitted (ln p, 1/p or p itself).
