@@ -43,6 +43,14 @@ constexpr double kPoorFit = 1.45, kScatterOfFit = 1.7;
 // Independent looks at that share which one channel gives.
 constexpr double kLooks = 8.0;
 
+// How often a set holds whose odds, as weighed, are p: logistic in the logarithm of the odds. Weighed odds near 0.9 hold too
+// seldom, for what a set is cut off at is chosen after the fact; fitted on campaigns of `tools/make-campaigns`.
+constexpr double kHeldShift = -3.4, kHeldSlope = 1.3;
+double probability_held(double p) {
+  const double odds = std::clamp(p, 1e-9, 1.0 - 1e-9);
+  return std::min(0.99, 1.0 / (1.0 + std::exp(-kHeldShift - kHeldSlope * std::log(odds / (1.0 - odds)))));
+}
+
 struct Tried {
   Hypothesis hypothesis;
   Fit fit;
@@ -623,13 +631,33 @@ class Diagnoser {
       out_.growth.push_back({tried[top].hypothesis.label(), more, lack_of_fit(best_), lack_of_fit(tried[top])});
       if (more < kFurther || chi < out_.gate + 6.0) break;
       const auto without = held_out(best_), with = held_out(tried[top]);
-      double improvement = 0;
-      for (std::size_t ch = 0; ch < kChannels; ++ch)
-        if (without[ch] > 0 && with[ch] > 0) improvement += std::log(without[ch] / with[ch]);
-      if (improvement < (depth == 0 ? 0.15 : 0.25)) break;
+      // No channel may pay for another: what mends one and spoils the next is not the cause.
+      const std::array<double, kChannels> floor = scatter_of_means();
+      double improvement = 0, least = 0;
+      for (std::size_t ch = 0; ch < kChannels; ++ch) {
+        if (!(without[ch] > 0 && with[ch] > 0)) continue;
+        improvement += std::log(without[ch] / with[ch]);
+        least = std::min(least, std::log((without[ch] + floor[ch]) / (with[ch] + floor[ch])));
+      }
+      if (improvement < (depth == 0 ? 0.15 : 0.25) || least < -0.15) break;
       best_ = tried[top];
       slots_ = promising[top].second;
     }
+  }
+
+  // Expected deviation of the runs' means, root mean square by channel; 0 where not measured.
+  std::array<double, kChannels> scatter_of_means() const {
+    std::array<double, kChannels> out{};
+    for (std::size_t ch = 0; ch < kChannels; ++ch) {
+      double sum = 0, n = 0;
+      for (std::size_t r = 0; r < campaign_.runs.size(); ++r)
+        if (campaign_.runs[r].has[ch]) {
+          sum += std::pow(model_.run_mean_deviation(static_cast<int>(r), static_cast<int>(ch)), 2);
+          ++n;
+        }
+      if (n > 0) out[ch] = std::sqrt(sum / n);
+    }
+    return out;
   }
 
   // Root mean square of what a model leaves of the runs' means over what their scatter leaves, by channel; 0 where not measured.
@@ -784,12 +812,12 @@ class Diagnoser {
     Finding out;
     double total = 0;
     for (const auto& [w, id] : ranked) {
-      if (total >= 0.9 || out.ids.size() > 4) break;
+      if (probability_held(total) >= 0.9 || out.ids.size() > 4) break;
       total += w;
       out.ids.push_back(id);
       out.share[id] = w;
     }
-    out.probability = std::min(0.99, total);
+    out.probability = probability_held(total);
     // The likeliest class leads: two names of one thing share its odds, and a rival must not lead for that.
     std::map<effects::Class, double> of_class;
     const auto class_of = [](const std::string& id) { return effects::find_effect(id)->info->cls; };

@@ -13,9 +13,10 @@ const Info& info() {
       Class::bed,
       "density gradient along the bed",
       "The soil was prepared denser towards one end: its sinkage modulus changes linearly along the travel.",
-      "k = k0 (1 + g x), at least 0.02 k0",
+      "form 0: k = k0 (1 + g x), at least 0.02 k0; form 1: k = k0 exp(g x), from 0.02 k0 to 50 k0",
       "constructed here",
-      {{"g", "1/m", 0, -5, 20, 1, 1, Scale::linear, true, "relative change of k per metre"}},
+      {{"g", "1/m", 0, -5, 20, 1, 1, Scale::linear, true, "relative change of k per metre"},
+       {"form", "-", 0, 0, 1, 0, 1, Scale::choice, false, "0: linear along the travel, 1: exponential"}},
       "pressure, by position",
       {0, 0, -1, false, false, true, false, false,
        "sinkage changes along the travel at the same place in every run, pull with it"},
@@ -30,7 +31,7 @@ class DensityGradient final : public Effect {
   using Effect::Effect;
   unsigned hooks() const override { return kSoil; }
   void soil(const bekker::Context& c, const bekker::Point&, bekker::LocalSoil& s) const override {
-    s.k *= std::max(0.02, 1.0 + p(0) * c.position);
+    s.k *= p(1) == 0.0 ? std::max(0.02, 1.0 + p(0) * c.position) : std::clamp(std::exp(p(0) * c.position), 0.02, 50.0);
   }
 };
 

@@ -190,6 +190,8 @@ const std::vector<Line>& table() {
          soil.k *= 1.2;
          same(with(t, {{"g", 1.0}}), without({}, soil));
          same(with(t, {}, [](auto& o) { o.position = 0; }), without());
+         soil.k *= std::exp(-0.2) / 1.2;
+         same(with(t, {{"g", -1.0}, {"form", 1}}), without({}, soil));
        }},
       {"wall_effect", "symmetric about the middle of the bin; k (1 + gain) at a wall far from the other",
        [](const EffectType& t) {
@@ -227,6 +229,9 @@ const std::vector<Line>& table() {
          const std::map<std::string, double> p = {{"Kr", 0.7}, {"Kw", 0.002}};
          EXPECT_LT(with(t, p, spin).driving_torque, 0.8 * without(spin).driving_torque);
          EXPECT_GT(with(t, p, slow).driving_torque, without(slow).driving_torque);
+         const std::map<std::string, double> hump = {{"Kr", 0.7}, {"Kw", 0.0002}, {"form", 1}};
+         EXPECT_NEAR(with(t, hump, spin).driving_torque, without(spin).driving_torque, 0.02 * without(spin).driving_torque);
+         EXPECT_GT(with(t, {{"Kr", 0.7}, {"Kw", 0.002}, {"form", 1}}, slow).driving_torque, 1.1 * without(slow).driving_torque);
        }},
       {"pressure_dependent_K", "lost where shear is fully mobilised, most felt at low slip",
        [](const EffectType& t) {
@@ -277,6 +282,11 @@ const std::vector<Line>& table() {
          const Reading a = with(t, {}), b = without();
          EXPECT_NEAR((a.drawbar_pull - b.drawbar_pull) * 0.13, a.driving_torque - b.driving_torque, 1e-8);
          same(instant(t, {}, 1.0, 0, 0), instant(t, {}, 1.0 + 2 * pi / 24, 0, 0));
+         // Form 1: torque grown by h/(2 r) times what of the lugs is engaged at this slip.
+         const auto spin = [](auto& o) { o.slip = 1; };
+         const double share = 0.5 * 0.01 / 0.13 * (1 - std::exp(-1 / 0.1));
+         EXPECT_NEAR(with(t, {{"height", 0.01}, {"form", 1}}, spin).driving_torque, (1 + share) * without(spin).driving_torque,
+                     1e-3 * without(spin).driving_torque);
        }},
       {"bulldozing", "the passive force of a wedge as deep and wide as the wheel",
        [](const EffectType& t) {
