@@ -51,13 +51,21 @@ struct Crew::State {
   std::vector<std::thread> pool;
   std::atomic<unsigned> round{0};      // raised to start a round
   std::atomic<int> busy{0};            // members that have not finished this round
-  std::atomic<std::size_t> next{0};
   std::atomic<bool> ending{false};
-  std::size_t count = 0;
   const std::function<void(std::size_t)>* work = nullptr;
 
-  void take() {
-    for (std::size_t i = next.fetch_add(1); i < count; i = next.fetch_add(1)) (*work)(i);
+  // What a thread takes first: the same part of the work in every round, so that what it works on stays in its own cache.
+  struct alignas(64) Share {
+    std::atomic<std::size_t> next{0};
+    std::size_t end = 0;
+  };
+  std::vector<Share> shares;
+
+  void take(std::size_t self) {
+    for (std::size_t k = 0; k < shares.size(); ++k) {
+      Share& share = shares[(self + k) % shares.size()];
+      for (std::size_t i = share.next.fetch_add(1); i < share.end; i = share.next.fetch_add(1)) (*work)(i);
+    }
   }
 };
 
@@ -77,18 +85,20 @@ void await_change(const std::atomic<T>& value, T old) {
 
 Crew::Crew(int threads) : state_(std::make_unique<State>()) {
   State* s = state_.get();
-  const auto member = [s] {
+  const auto wanted = static_cast<std::size_t>(thread_count(threads));
+  s->shares = std::vector<State::Share>(wanted);
+  const auto member = [s](std::size_t self) {
     unsigned seen = 0;
     for (;;) {
       await_change(s->round, seen);
       if (s->ending.load()) return;
       seen = s->round.load(std::memory_order_acquire);
-      s->take();
+      s->take(self);
       if (s->busy.fetch_sub(1, std::memory_order_acq_rel) == 1) s->busy.notify_one();
     }
   };
   try {
-    for (int t = 1; t < thread_count(threads); ++t) s->pool.emplace_back(member);
+    for (std::size_t t = 1; t < wanted; ++t) s->pool.emplace_back(member, t);
   } catch (const std::exception&) {
     // As above: fewer hands, the same result.
   }
@@ -109,13 +119,15 @@ void Crew::run(std::size_t count, const std::function<void(std::size_t)>& work) 
     for (std::size_t i = 0; i < count; ++i) work(i);
     return;
   }
-  s.count = count;
   s.work = &work;
-  s.next.store(0);
+  for (std::size_t t = 0; t < s.shares.size(); ++t) {
+    s.shares[t].next.store(count * t / s.shares.size());
+    s.shares[t].end = count * (t + 1) / s.shares.size();
+  }
   s.busy.store(static_cast<int>(s.pool.size()));
   s.round.fetch_add(1, std::memory_order_release);
   s.round.notify_all();
-  s.take();
+  s.take(0);
   for (int left = s.busy.load(std::memory_order_acquire); left != 0; left = s.busy.load(std::memory_order_acquire))
     await_change(s.busy, left);
 }
