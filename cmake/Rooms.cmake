@@ -99,11 +99,11 @@ function(terrode_test_program target sources labels room)
     PROPERTIES LABELS "${labels}" TIMEOUT 600)
 endfunction()
 
-# fuzz/<name>.cpp, one line each in fuzz/harnesses.inc: with TERRODE_FUZZ a libFuzzer program each, and always a test
-# that replays the inputs kept.
+# fuzz/<name>.cpp, one line each in fuzz/harnesses.inc: with TERRODE_FUZZ a libFuzzer program each, and always tests that
+# replay the inputs kept and try changed ones for a second each.
 function(terrode_add_fuzz)
   file(STRINGS ${PROJECT_SOURCE_DIR}/fuzz/harnesses.inc lines REGEX "^FUZZ_HARNESS")
-  set(sources ${PROJECT_SOURCE_DIR}/fuzz/replay_test.cpp)
+  set(sources ${PROJECT_SOURCE_DIR}/fuzz/replay_test.cpp ${PROJECT_SOURCE_DIR}/fuzz/mutate_test.cpp)
   foreach(line IN LISTS lines)
     string(REGEX MATCH "([a-z_0-9]+), ([a-z]+)" _ "${line}")
     set(name ${CMAKE_MATCH_1})
