@@ -121,5 +121,14 @@ TEST(StoredNumbers, WheelBySteadyAndNodeSpring) {
   }
 }
 
+TEST(StoredNumbers, Vehicle) {
+  scenario::DriveScenario d = scenario::load_drive(std::string(TERRODE_SOURCE_DIR) + "/scenarios/rover.yaml");
+  d.duration = 1.0;
+  const recording::Run run = scenario::run_drive(d).run;
+  std::vector<double> numbers;
+  for (const char* name : {"position_x", "position_z", "power", "front_left_sinkage"}) numbers.push_back(run.find(name)->values.back());
+  expect_stored("vehicle", numbers);
+}
+
 }  // namespace
 }  // namespace terrode
