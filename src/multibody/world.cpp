@@ -757,6 +757,12 @@ void World::restore(const std::vector<double>& state) {
                              fmt::format("has {} numbers", state.size()),
                              fmt::format("{}, as a world of these bodies and joints has", snapshot().size())});
   const double* s = state.data();
+  const auto need = [](bool good, const char* what, const char* expected) {
+    if (!good) throw InputError(Problem{{}, 0, 0, "snapshot", fmt::format("has {}", what), expected});
+  };
+  const std::size_t bodies_end = 7 + 25 * bodies_.size();
+  need(std::all_of(s, s + bodies_end, [](double x) { return std::isfinite(x); }), "a number that is not finite", "numbers");
+  need(s[2] >= 0.0 && s[2] < 1e15, "a wrong number of steps", "0 or more");
   time_ = s[0];
   time_carry_ = s[1];
   steps_ = static_cast<std::size_t>(s[2]);
@@ -766,7 +772,11 @@ void World::restore(const std::vector<double>& state) {
   for (const auto& b : bodies_) {
     dBodySetPosition(b->id_, s[0], s[1], s[2]);
     const dQuaternion q = {s[3], s[4], s[5], s[6]};
+    need(std::abs(std::hypot(std::hypot(q[0], q[1]), std::hypot(q[2], q[3])) - 1.0) < 1e-6, "an orientation that is none", "a unit quaternion");
     dBodySetQuaternion(b->id_, q);
+    const dReal* turned = dBodyGetRotation(b->id_);
+    for (int i = 0; i < 12; ++i)
+      if (i % 4 != 3) need(std::abs(turned[i] - s[7 + i]) < 1e-6, "an orientation that is none", "the quaternion's matrix");
     // ODE normalises what it is given, which changes the last bit; the state must return to the bit.
     std::memcpy(const_cast<dReal*>(dBodyGetQuaternion(b->id_)), s + 3, 4 * sizeof(dReal));
     std::memcpy(const_cast<dReal*>(dBodyGetRotation(b->id_)), s + 7, 12 * sizeof(dReal));

@@ -306,6 +306,8 @@ Hdf5File Hdf5File::open(const std::string& path) {
   state->file = Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY, fapl), H5Fclose);
   if (!state->file.valid()) {
     const std::string first = error_text();
+    // A checksum that does not fit is read again, each time after twice the pause: 24 times are 17 ms, the library's 100 for ever.
+    H5Pset_metadata_read_attempts(fapl, 24);
     state->file = Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, fapl), H5Fclose);
     H5Eclear2(H5E_DEFAULT);
     if (!state->file.valid()) throw InputError(Problem{path, 0, 0, {}, "cannot be opened: " + first, {}});

@@ -310,6 +310,13 @@ TEST(World, RestoredWorldGoesOnToTheBit) {
   EXPECT_EQ(axle.effort(), axle_again.effort());
   EXPECT_EQ(axle.turned(), axle_again.turned());
   EXPECT_THROW(second.restore({1.0, 2.0}), InputError);
+  // Numbers that would stop the solver: the first body's orientation is none, or not that of its matrix; a position is no number.
+  for (const auto& [at, value] : {std::pair{7 + 3, 0.0}, {7 + 7, -2.0}, {7, std::nan("")}, {2, -1.0}}) {
+    std::vector<double> damaged = state;
+    for (int i = 0; at == 7 + 3 && i < 4; ++i) damaged[static_cast<std::size_t>(at + i)] = value;
+    damaged[static_cast<std::size_t>(at)] = value;
+    EXPECT_THROW(second.restore(damaged), InputError) << at;
+  }
 }
 
 TEST(World, FallingBodyKeepsItsEnergyToFirstOrder) {
