@@ -318,6 +318,9 @@ void AxisJoint::save(std::vector<double>& s) const {
 }
 
 void AxisJoint::load_state(const double*& s) {
+  for (const int i : {1, 4, 6, 7, 8})
+    if (!(std::abs(s[i]) < largest_number) || !(s[2] >= 0.0))
+      throw InputError(Problem{{}, 0, 0, name_, "has a motor or spring that is none in the state to go on from", "numbers"});
   has_motor_ = s[0] != 0.0;
   motor_ = {s[1], s[2], s[3] != 0.0, s[4]};
   has_spring_ = s[5] != 0.0;
@@ -761,7 +764,7 @@ void World::restore(const std::vector<double>& state) {
     if (!good) throw InputError(Problem{{}, 0, 0, "snapshot", fmt::format("has {}", what), expected});
   };
   const std::size_t bodies_end = 7 + 25 * bodies_.size();
-  need(std::all_of(s, s + bodies_end, [](double x) { return std::isfinite(x); }), "a number that is not finite", "numbers");
+  need(std::all_of(s, s + bodies_end, [](double x) { return std::abs(x) < largest_number; }), "a number that is not finite or beyond any", "numbers");
   need(s[2] >= 0.0 && s[2] < 1e15, "a wrong number of steps", "0 or more");
   time_ = s[0];
   time_carry_ = s[1];

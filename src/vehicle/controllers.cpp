@@ -71,7 +71,7 @@ std::vector<double> Script::state() const {
 }
 
 void Script::set_state(const std::vector<double>& s) {
-  if (s.size() != 14) throw InputError(Problem{{}, 0, 0, "snapshot", "is not of a script", {}});
+  if (s.size() != 14 || !(s[0] >= 0.0 && s[0] <= static_cast<double>(manoeuvres_.size()))) throw InputError(Problem{{}, 0, 0, "snapshot", "is not of a script", {}});
   index_ = static_cast<std::size_t>(s[0]);
   started_ = s[1] != 0.0;
   begin_time_ = s[2];
@@ -128,7 +128,7 @@ void PathFollower::command(Vehicle& vehicle) {
 }
 
 void PathFollower::set_state(const std::vector<double>& s) {
-  if (s.size() != 3) throw InputError(Problem{{}, 0, 0, "snapshot", "is not of a path follower", {}});
+  if (s.size() != 3 || !(s[0] >= 0.0 && s[0] < static_cast<double>(waypoints_.size()))) throw InputError(Problem{{}, 0, 0, "snapshot", "is not of a path follower", {}});
   next_ = static_cast<std::size_t>(s[0]);
   done_ = s[1] != 0.0;
   begin_time_ = s[2];

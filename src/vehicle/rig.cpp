@@ -435,7 +435,10 @@ RigState Rig::snapshot() const {
 }
 
 void Rig::restore(const RigState& state) {
-  if (state.numbers.size() != 17 || !(state.numbers[0] >= 0.0 && state.numbers[0] <= 2.0)) throw InputError(Problem{{}, 0, 0, "snapshot", "is not of a rig", {}});
+  if (state.numbers.size() != 17 || !(state.numbers[0] >= 0.0 && state.numbers[0] <= 2.0) ||
+      !(state.numbers[5] >= 0.0 && state.numbers[5] < 1e15) ||
+      !std::all_of(state.numbers.begin(), state.numbers.end(), [](double x) { return std::abs(x) < 1e30; }))
+    throw InputError(Problem{{}, 0, 0, "snapshot", "is not of a rig", {}});
   simulation_->restore(state.simulation);
   const double* s = state.numbers.data();
   phase_ = static_cast<Phase>(static_cast<int>(s[0]));
