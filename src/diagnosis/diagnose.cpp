@@ -209,7 +209,7 @@ struct Projected {
 
 // How far what was fitted lies from what it would be without noise: reduced chi-square, at least 1.
 double overdispersion(const Fit& f) {
-  return std::max(1.0, f.chi2 / std::max(1.0, static_cast<double>(f.data - static_cast<int>(kBaseCount)) - static_cast<double>(f.extra.size())));
+  return std::max(1.0, f.chi2 / std::max(1, f.data - f.acting));
 }
 
 // Means of a settled run, recorded and predicted.
@@ -547,7 +547,7 @@ class Diagnoser {
     for (std::size_t i = 0; i < named_; ++i) best = std::max(best, gain(singles_[i].fit));
     for (std::size_t i = named_; i < singles_.size(); ++i) best_free_ = std::max(best_free_, gain(singles_[i].fit));
     out_.gate_statistic = best;
-    something_off_ = best > out_.gate || best_free_ > out_.gate + 8.0;
+    something_off_ = best > out_.gate || best_free_ > out_.gate + 8.0 || leaves_much(plain_);
   }
 
   // Chi-square that a fit gains over the plain one, in units of its own overdispersion.
@@ -950,6 +950,12 @@ class Diagnoser {
       std::vector<std::string> ids = found.front().ids;
       out_.statement = fmt::format("Something is off, but these data cannot single out a cause; the likeliest are {}.", plural(ids));
       experiments(found);
+    } else if (enough && leaves_much(plain_)) {
+      out_.verdict = "undecided";
+      const auto left = lack_of_fit(plain_);
+      const auto worst = std::max_element(left.begin(), left.end());
+      out_.statement = fmt::format("Something is off, but no listed effect stands out: the plain model leaves {:.2g} times the scatter of the runs in {}.", *worst,
+                                   channel_name(static_cast<int>(worst - left.begin())));
     } else if (belief_fails) {
       out_.verdict = "parameters";
       out_.statement = "The plain model explains the recording within its scatter once its soil parameters are corrected: " + worst_parameters() + ".";

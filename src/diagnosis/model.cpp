@@ -704,6 +704,7 @@ Fit Model::fit(const Hypothesis& h, const Eigen::VectorXd& start, const std::vec
   out.base = x.head(kBaseCount);
   out.extra.assign(x.data() + kBaseCount, x.data() + n);
   out.data = static_cast<int>(r.size());
+  for (Eigen::Index a = 0; a < na; ++a) out.acting += j.col(a).norm() * deviation(active[static_cast<std::size_t>(a)]) > 1e-6;
   out.chi2 = r.squaredNorm();
   out.penalty = best - out.chi2;
   const Eigen::LDLT<Eigen::MatrixXd> factor(hessian);

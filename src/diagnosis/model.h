@@ -74,6 +74,7 @@ struct Fit {
   std::array<double, kChannels + 1> misfit{};
   Eigen::MatrixXd covariance;           // of base and extra
   int data = 0;
+  int acting = 0;                       // parameters that the data feel at all
   bool converged = false;
 };
 
