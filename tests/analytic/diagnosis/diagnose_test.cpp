@@ -205,6 +205,26 @@ TEST(Diagnose, CallsUnknownWhatNoEffectExplains) {
   EXPECT_NE(d.unexplained_form.find("drawbar_pull"), std::string::npos);
 }
 
+// A table whose rows say how well they are known, with pulls that no law of slip and load follows.
+TEST(Diagnose, MeansThatNothingFitsAreNotCalledSound) {
+  recording::Recording table = campaign({});
+  for (std::size_t i = 0; i < table.runs.size(); ++i) {
+    recording::Run& r = table.runs[i];
+    for (const recording::Channel& c : r.channels) {
+      double sum = 0;
+      for (std::size_t k = 100; k < c.values.size(); ++k) sum += c.values[k] / static_cast<double>(c.values.size() - 100);
+      const double scale = c.name == "drawbar_pull" ? 1.0 : c.name == "driving_torque" ? 0.13 : 5e-4;
+      r.steady[c.name].mean = sum + (c.name == "drawbar_pull" ? (i / 2 % 3 == 0 ? 6.0 : -3.0) : 0.0);
+      r.steady[c.name].std = scale;
+    }
+    r.time.clear();
+    r.channels.clear();
+  }
+  const Diagnosis d = diagnose(table);
+  EXPECT_TRUE(d.verdict == "undecided" || d.verdict == "unknown") << d.verdict << ": " << d.statement;
+  EXPECT_TRUE(d.effects.empty()) << d.statement;
+}
+
 TEST(Diagnose, PoorRecordingsGetNoConfidentName) {
   Truth truth;
   truth.effects = on({{"slip_sinkage", {{"n1", 0.4}}}});
