@@ -46,6 +46,8 @@ constexpr double kLooks = 8.0;
 // How often a set holds whose odds, as weighed, are p: logistic in the logarithm of the odds. Weighed odds near 0.9 hold too
 // seldom, for what a set is cut off at is chosen after the fact; fitted on campaigns of `tools/make-campaigns`.
 constexpr double kHeldShift = -3.4, kHeldSlope = 1.3;
+// The most that is stated where the scatter is assumed and not measured.
+constexpr double kWithoutRepeats = 0.9;
 double probability_held(double p) {
   const double odds = std::clamp(p, 1e-9, 1.0 - 1e-9);
   return std::min(0.99, 1.0 / (1.0 + std::exp(-kHeldShift - kHeldSlope * std::log(odds / (1.0 - odds)))));
@@ -770,6 +772,7 @@ class Diagnoser {
       if (!taken) rivals.push_back(i);
     }
     std::vector<Tried> tried(rivals.size());
+    Tried without = plain_;  // the explanation with this slot empty
     if (best_.hypothesis.effects.size() == 1) {
       for (std::size_t k = 0; k < rivals.size(); ++k) tried[k] = singles_[rivals[k]];
     } else {
@@ -778,6 +781,7 @@ class Diagnoser {
       // Only rivals that come near by themselves or by first-order score with the others are worth a fit.
       Tried reduced{others, model_.fit(others, best_.fit.base)};
       std::set<std::size_t> worth;
+      without = reduced;
       for (const auto& [score, i] : scores(reduced)) worth.insert(i);
       const Projected at(model_, reduced);
       parallel_for(rivals.size(), options_.threads, [&](std::size_t k) {
@@ -802,6 +806,9 @@ class Diagnoser {
     for (std::size_t k = 0; k < tried.size(); ++k) {
       if (!std::isfinite(tried[k].fit.chi2)) continue;
       const std::string& id = starts_[rivals[k]].front().effects.front().id;
+      // What explains hardly more than nothing in its place was refused with it; there are many of those, and each
+      // would take a small share of the odds.
+      if (id != own && cost(without.fit) - cost(tried[k].fit) < 0.25 * out_.gate * overdispersion(tried[k].fit)) continue;
       weight[id] = std::max(weight[id], std::exp((support(tried[k]) - top) / temperature));
     }
     double sum = 0;
@@ -818,6 +825,7 @@ class Diagnoser {
       out.share[id] = w;
     }
     out.probability = probability_held(total);
+    if (!model_.noise().from_replicates) out.probability = std::min(out.probability, kWithoutRepeats);
     // The likeliest class leads: two names of one thing share its odds, and a rival must not lead for that.
     std::map<effects::Class, double> of_class;
     const auto class_of = [](const std::string& id) { return effects::find_effect(id)->info->cls; };
