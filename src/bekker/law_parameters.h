@@ -10,6 +10,15 @@
 
 namespace terrode::bekker {
 
+// A parameter of a law that is chosen by name, for who reads and describes it.
+struct LawParameter {
+  std::string name, unit, meaning;
+  double lower = 0.0, upper = std::numeric_limits<double>::infinity();
+  bool lower_open = false, upper_open = false;
+  // The unit is N/m^(n + power), n the exponent of the soil; NaN: it is `unit`.
+  double power = std::numeric_limits<double>::quiet_NaN();
+};
+
 class LawParameters {
  public:
   LawParameters(std::string law, const std::map<std::string, double>& values) : law_(std::move(law)), values_(values) {}

@@ -41,6 +41,20 @@ double WongPressure::pressure(const LocalSoil&, const Context&, double z) const 
   return kp_ * z + 4.0 * mm_ * z * z / diameter_;
 }
 
+std::vector<LawParameter> pressure_law_parameters(const std::string& name) {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  if (name == "power") return {};
+  if (name == "bekker")
+    return {{"kc", "", "cohesive modulus [N/m^(n+1)]; absent: kc of the soil", -infinity, infinity, true, true, 1.0},
+            {"kphi", "", "frictional modulus [N/m^(n+2)]; absent: kphi of the soil", 0.0, infinity, false, true, 2.0}};
+  if (name == "reece") return {{"kc", "-", "kc' beside the cohesion"}, {"kphi", "-", "kphi' beside the unit weight"}};
+  if (name == "wong")
+    return {{"kp", "N/m^3", "stiffness of the peat"},
+            {"mm", "N/m^3", "strength of the mat"},
+            {"hydraulic_diameter", "m", "4 area/perimeter of the contact", 0.0, infinity, true}};
+  throw LawParameters::unknown("pressure law", name, pressure_law_names());
+}
+
 std::vector<std::string> pressure_law_names() { return {"power", "bekker", "reece", "wong"}; }
 
 std::unique_ptr<PressureLaw> make_pressure_law(const std::string& name, const std::map<std::string, double>& parameters) {

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "bekker/law_parameters.h"
 #include "bekker/point_law.h"
 #include "core/problem.h"
 
@@ -58,5 +59,7 @@ class WongPressure final : public PressureLaw {
 // InputError for an unknown name (with the nearest), and for parameters that are unknown, missing or out of range.
 std::unique_ptr<PressureLaw> make_pressure_law(const std::string& name, const std::map<std::string, double>& parameters);
 std::vector<std::string> pressure_law_names();
+// Of a law named above; throws InputError for another name.
+std::vector<LawParameter> pressure_law_parameters(const std::string& name);
 
 }  // namespace terrode::bekker

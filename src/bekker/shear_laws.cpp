@@ -35,6 +35,14 @@ double OidaShear::mobilised(const LocalSoil&, double j) const {
   return residual_ * (1.0 - x) * (1.0 + ratio_ * x);
 }
 
+std::vector<LawParameter> shear_law_parameters(const std::string& name) {
+  if (name == "janosi") return {};
+  if (name == "wong_peak" || name == "oida")
+    return {{"residual", "-", "shear stress that is left, over its peak", 0.0, 1.0, true, name == "oida"},
+            {"peak_displacement", "m", "Kw, where the peak is", 0.0, std::numeric_limits<double>::infinity(), true}};
+  throw LawParameters::unknown("shear law", name, shear_law_names());
+}
+
 std::vector<std::string> shear_law_names() { return {"janosi", "wong_peak", "oida"}; }
 
 std::unique_ptr<ShearLaw> make_shear_law(const std::string& name, const std::map<std::string, double>& parameters) {

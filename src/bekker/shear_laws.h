@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "bekker/law_parameters.h"
 #include "bekker/point_law.h"
 #include "core/problem.h"
 
@@ -45,5 +46,6 @@ class OidaShear final : public ShearLaw {
 // "janosi", "wong_peak" and "oida" (residual, peak_displacement). Throws InputError like make_pressure_law.
 std::unique_ptr<ShearLaw> make_shear_law(const std::string& name, const std::map<std::string, double>& parameters);
 std::vector<std::string> shear_law_names();
+std::vector<LawParameter> shear_law_parameters(const std::string& name);
 
 }  // namespace terrode::bekker

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "cli/commands.h"
+#include "cli/converge_against.h"
 #include "cli/sweep_result.h"
 #include "cli/terminal.h"
 #include "core/parallel.h"
@@ -76,8 +77,8 @@ const std::vector<Choice>& choices() {
 }
 
 struct Arguments {
-  std::string scenario, over, method = "node-spring";
-  std::optional<double> slip, from;
+  std::string scenario, over, against, slip, method = "node-spring";
+  std::optional<double> from, node_spacing, time_step, travel;
   int levels = 5;
   double tolerance = 0.01;
 };
@@ -125,8 +126,27 @@ std::string scatter_verdict(const Choice& choice, const Quantity& q, const std::
                      100.0 * error / scale, scale, same ? "no change beyond scatter" : "CHANGES beyond scatter");
 }
 
+// Nodes that carry the wheel, over the second half of the run.
+double contacts(const SweepPoint& p) {
+  const recording::Channel* c = p.series ? p.series->find("contact_count") : nullptr;
+  if (!c || c->values.size() < 2) return SweepPoint::kUnknown;
+  double sum = 0.0;
+  const std::size_t half = c->values.size() / 2;
+  for (std::size_t i = half; i < c->values.size(); ++i) sum += c->values[i];
+  return sum / static_cast<double>(c->values.size() - half);
+}
+
 void converge(const Arguments& arguments, Common& common) {
   Scenario base = scenario::load_scenario(arguments.scenario);
+  scenario::set_if(base.terrain.node_spacing, arguments.node_spacing);
+  scenario::set_if(base.rig.time_step, arguments.time_step);
+  scenario::set_if(base.rig.travel, arguments.travel);
+  const std::vector<double> slips = arguments.slip.empty() ? std::vector<double>{} : scenario::parse_slips(arguments.slip);
+  if (arguments.over.empty() == arguments.against.empty())
+    throw InputError({{}, 0, 0, "--over, --against", "are both given or both missing", "one of them"});
+  if (arguments.against == "steady") return against_steady(base, slips, arguments.tolerance, common);
+  if (arguments.against == "pull_ramp") return against_pull_ramp(base, slips, arguments.tolerance, common);
+  if (slips.size() > 1) throw InputError({{}, 0, 0, "--slip", fmt::format("is '{}'", arguments.slip), "one slip with --over"});
   const Choice* choice = nullptr;
   std::string possible;
   for (const Choice& c : choices()) {
@@ -139,7 +159,7 @@ void converge(const Arguments& arguments, Common& common) {
                              possible.empty() ? "another method: steady has no such choice" : possible});
   if (choice->name == "domain" && arguments.method == "dem" && base.particles.bed == "full")
     throw InputError(Problem{base.file, 0, 0, "particles.bed", "is full, which has no window", "moving"});
-  const auto at = base.operating_points({arguments.slip.value_or(base.rig.slip)}).front();
+  const auto at = base.operating_points({slips.empty() ? base.rig.slip : slips.front()}).front();
 
   std::vector<double> values;
   double value = arguments.from.value_or(choice->start * choice->get(base));
@@ -167,6 +187,7 @@ void converge(const Arguments& arguments, Common& common) {
   for (std::size_t i = 0; i < values.size(); ++i)
     points.push_back(summarise(found[values.size() - 1 - i], at, scenario::averaging_period(arguments.method, scenarios[i], at)));
 
+  const bool nodes = arguments.method == "node-spring";
   // Where a result scatters, levels are compared by their standard errors instead of by an order.
   const bool scatters = arguments.method == "dem" || arguments.method == "mpi";
   const bool refines = choice->factor < 1 && !scatters;
@@ -183,6 +204,7 @@ void converge(const Arguments& arguments, Common& common) {
         level[q.name] = number(p.*q.value);
         if (scatters) level[std::string(q.name) + "_sem"] = number(p.*q.sem);
       }
+    if (nodes) level["nodes"] = number(contacts(p));
     level["cpu_seconds"] = number(p.cpu_seconds);
     level["simulated_seconds"] = number(p.simulated_seconds);
     if (!p.failed()) level["steady"] = p.steady;
@@ -195,6 +217,7 @@ void converge(const Arguments& arguments, Common& common) {
     rows[0].push_back(fmt::format("{} [{}]", q.name, q.unit));
     if (scatters) rows[0].push_back("+-");
   }
+  if (nodes) rows[0].push_back("nodes");
   rows[0].push_back("CPU s per simulated s");
   for (std::size_t i = 0; i < points.size(); ++i) {
     const SweepPoint& p = points[i];
@@ -203,6 +226,7 @@ void converge(const Arguments& arguments, Common& common) {
       row.push_back(p.failed() ? "failed" : fmt::format("{:.5g}", p.*q.value));
       if (scatters) row.push_back(p.failed() ? "-" : fmt::format("{:.2g}", p.*q.sem));
     }
+    if (nodes) row.push_back(fmt::format("{:.0f}", contacts(p)));
     row.push_back(p.simulated_seconds > 0 ? fmt::format("{:.3g}", p.cpu_seconds / p.simulated_seconds) : "-");
     rows.push_back(row);
   }
@@ -267,13 +291,21 @@ void add_converge(Command& app, Common& common) {
   const std::vector<std::string> over = {"time_step", "node_spacing", "domain", "particles", "coupling"};
   command->add_option("SCENARIO", a->scenario, "scenario file, or a recording")->required()->type_name("");
   command->add_option("--over", a->over, "what to refine: time_step, node_spacing, domain, particles, coupling")
-      ->required()
       ->check(is_member(over))
       ->type_name("CHOICE");
   command->add_option("--method", a->method, "the method to study (default: node-spring)")
       ->check(is_member(scenario::method_names()))
       ->type_name("NAME");
-  command->add_option("--slip", a->slip, "slip, by the convention of the scenario (default: the rig's)")->type_name("S");
+  const std::vector<std::string> against = {"steady", "pull_ramp"};
+  command->add_option("--against", a->against,
+                      "in place of --over: the node-spring rig slip by slip against the steady wheel, or against one run whose pull rises")
+      ->check(is_member(against))
+      ->type_name("WHAT");
+  command->add_option("--slip", a->slip, "slip (with --against: slips), by the convention of the scenario (default: the scenario's)")
+      ->type_name("S");
+  command->add_option("--node-spacing", a->node_spacing, "in place of the scenario's [m]")->check(positive_number())->type_name("X");
+  command->add_option("--time-step", a->time_step, "of the rig, in place of the scenario's [s]")->check(positive_number())->type_name("X");
+  command->add_option("--travel", a->travel, "of the rig, in place of the scenario's [m]")->check(positive_number())->type_name("X");
   command->add_option("--from", a->from, "coarsest value, SI (default: from the scenario's own)")
       ->check(positive_number())
       ->type_name("X");
@@ -283,6 +315,7 @@ void add_converge(Command& app, Common& common) {
       ->type_name("X");
   add_common(*command, common, false);
   common.words["converge --over"] = over;
+  common.words["converge --against"] = against;
   common.words["converge --method"] = scenario::method_names();
   command->callback([a, &common] { converge(*a, common); });
 }

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <functional>
@@ -10,9 +11,11 @@
 #include "cli/input.h"
 #include "cli/kept_run.h"
 #include "cli/particle_tests.h"
+#include "cli/sweep_result.h"
 #include "cli/terminal.h"
 #include "cli/vehicle_run.h"
 #include "recording/result_file.h"
+#include "scenario/ground.h"
 #include "scenario/methods.h"
 #include "scenario/particle_tests.h"
 #include "scenario/vehicle_file.h"
@@ -70,7 +73,7 @@ void run_rig(const Arguments& a, Common& common) {
   header.title = s.title;
   header.scenario_file = s.file;
   header.scenario_text = s.text;
-  header.scenario_resolved = scenario::to_yaml(s);
+  header.scenario_resolved = scenario::to_yaml(s) + scenario::ground_files(s);
   header.slip_convention = s.rig.slip_convention;
   header.command = common.command_line;
   header.seed = static_cast<std::int64_t>(settings.seed);
@@ -82,12 +85,15 @@ void run_rig(const Arguments& a, Common& common) {
   const effects::EffectSet effects = scenario::effect_set(s);
   recording::Run until_now;  // the rig's samples, kept here for when it fails
   std::optional<vehicle::FrameRecorder> recorder;
+  SweepPoint books;
   kept.extra = [&](recording::Hdf5File& file) {
     if (recorder && recorder->count() > 0) recorder->write(file);
     file.set_attribute("/run", "method", method);
     file.set_attribute("/run", "slip_wong_reece", at.slip);
     file.set_attribute("/run", "normal_load", at.normal_load);
     file.set_attribute("/run", "angular_velocity", at.angular_velocity);
+    if (!std::isfinite(books.energy_audit)) return;
+    for (const auto& [name, value] : energy_fields(books)) file.set_attribute("/run", name, value);
   };
   std::function<recording::Run()> read_until_now = [] { return recording::Run{}; };
   settings.observe = [&](vehicle::Rig& rig) {
@@ -133,6 +139,7 @@ void run_rig(const Arguments& a, Common& common) {
   }
   recording::Run& run = result.run;
   run.id = "run";
+  if (result.energy) put_energy(*result.energy, books);
   kept.finish(run);
   if (!a.csv.empty()) write_text_atomically(a.csv, recording::series_csv(run));
   for (const std::string& e : result.events) note(common, e);
@@ -151,8 +158,8 @@ void run_rig(const Arguments& a, Common& common) {
     rows.push_back({c.name, c.unit, fmt::format("{:.6g}", state.mean), fmt::format("{:.2g}", state.sem), fmt::format("{:.3g}", state.std),
                     state.reached ? "" : "not settled: " + state.reason});
   }
-  if (common.json)
-    print_json({{"scenario", s.file},
+  if (common.json) {
+    Json document = {{"scenario", s.file},
                 {"method", method},
                 {"slip_convention", s.rig.slip_convention},
                 {"slip", number(at.slip_given)},
@@ -161,9 +168,14 @@ void run_rig(const Arguments& a, Common& common) {
                 {"simulated_seconds", result.simulated_seconds},
                 {"samples", run.time.size()},
                 {"channels", channels},
-                {"events", result.events}});
-  else
+                {"events", result.events}};
+    if (result.energy)
+      for (const auto& [name, value] : energy_fields(books)) document["energy"][name] = value;
+    print_json(document);
+  } else {
     std::fputs(aligned(rows).c_str(), stdout);
+    if (result.energy) std::printf("energy: %s\n", energy_text({books}).c_str());
+  }
 }
 
 void run(const Arguments& a, Common& common) {

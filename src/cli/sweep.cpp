@@ -258,6 +258,8 @@ void sweep(const Arguments& arguments, Common& common) {
     print_json(sweep_json(s.file, s.rig.slip_convention, results, measured));
   else if (any_good(results))
     std::fputs(sweep_text(results).c_str(), stdout);
+  for (const MethodResult& r : results)
+    if (const std::string books = energy_text(r.points); !books.empty()) note(common, r.method + ": " + books);
   judge_failures(s, results, common);
 }
 

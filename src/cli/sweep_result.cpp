@@ -2,10 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "analysis/steady_state.h"
 #include "cli/terminal.h"
+#include "scenario/ground.h"
 
 namespace terrode::cli {
 namespace {
@@ -28,6 +30,14 @@ constexpr Field kFields[] = {
     {"sinkage_sem", &SweepPoint::sinkage_sem},
     {"averaged_from", &SweepPoint::averaged_from},
     {"averaged_to", &SweepPoint::averaged_to},
+    {"work_in", &SweepPoint::work_in},
+    {"work_out", &SweepPoint::work_out},
+    {"energy_plastic", &SweepPoint::energy_plastic},
+    {"energy_slip", &SweepPoint::energy_slip},
+    {"energy_damping", &SweepPoint::energy_damping},
+    {"energy_stored", &SweepPoint::energy_stored},
+    {"energy_step", &SweepPoint::energy_step},
+    {"energy_audit", &SweepPoint::energy_audit},
     {"cpu_seconds", &SweepPoint::cpu_seconds},
     {"simulated_seconds", &SweepPoint::simulated_seconds},
 };
@@ -74,6 +84,7 @@ SweepPoint summarise(const vehicle::SweepPoint& point, const scenario::Operating
     return out;
   }
   out.simulated_seconds = point.result.simulated_seconds;
+  if (point.result.energy) put_energy(*point.result.energy, out);
   out.series = std::make_shared<recording::Run>(run);
   analysis::SteadyOptions options;
   options.period = period;
@@ -106,6 +117,45 @@ SweepPoint summarise(const vehicle::SweepPoint& point, const scenario::Operating
   return out;
 }
 
+void put_energy(const vehicle::RigEnergy& e, SweepPoint& p) {
+  p.work_in = e.work_in();
+  p.work_out = e.work_out();
+  p.energy_plastic = e.plastic;
+  p.energy_slip = e.slip;
+  p.energy_damping = e.damping;
+  p.energy_stored = e.stored;
+  p.energy_step = e.numerical;
+  p.energy_audit = e.audit();
+}
+
+std::vector<std::pair<std::string, double>> energy_fields(const SweepPoint& p) {
+  std::vector<std::pair<std::string, double>> out;
+  for (const Field& f : kFields)
+    if (std::string(f.name).starts_with("energy_") || std::string(f.name).starts_with("work_")) out.emplace_back(f.name, p.*f.member);
+  return out;
+}
+
+std::string energy_text(const std::vector<SweepPoint>& points) {
+  double in = 0, out = 0, plastic = 0, slip = 0, damping = 0, stored = 0, step = 0, worst = 0;
+  int count = 0;
+  for (const SweepPoint& p : points) {
+    if (p.failed() || !std::isfinite(p.energy_audit)) continue;
+    ++count;
+    in += p.work_in;
+    out += p.work_out;
+    plastic += p.energy_plastic;
+    slip += p.energy_slip;
+    damping += p.energy_damping;
+    stored += p.energy_stored;
+    step += p.energy_step;
+    worst = std::max(worst, std::abs(p.energy_audit));
+  }
+  if (count == 0 || !(in > 0.0)) return {};
+  return fmt::format("work in {:.4g} J = out {:.4g} + plastic {:.4g} + slip {:.4g} + damping {:.4g} + stored {:.2g} + taken by the step {:.2g} J; "
+                     "left over{} {:.2g} %",
+                     in, out, plastic, slip, damping, stored, step, count > 1 ? " in the worst run" : "", 100.0 * worst);
+}
+
 std::string physics_of(scenario::Scenario s, std::uint64_t seed) {
   s.title.clear();
   s.methods.clear();
@@ -114,7 +164,7 @@ std::string physics_of(scenario::Scenario s, std::uint64_t seed) {
   s.measured.reset();
   s.rig.slip = 0.0;
   s.seed = static_cast<int>(seed);
-  return scenario::to_yaml(s);
+  return scenario::to_yaml(s) + scenario::ground_files(s);
 }
 
 recording::ResultTable to_table(const std::vector<SweepPoint>& points) {

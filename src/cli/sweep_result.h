@@ -29,6 +29,9 @@ struct SweepPoint {
   double drawbar_pull_std = kUnknown, driving_torque_std = kUnknown, sinkage_std = kUnknown;
   double drawbar_pull_sem = kUnknown, driving_torque_sem = kUnknown, sinkage_sem = kUnknown;
   double averaged_from = kUnknown, averaged_to = kUnknown;  // s, the averaging window
+  // Books of energy of the last pass, touchdown included [J], and what is left over [-]: see vehicle::RigEnergy.
+  double work_in = kUnknown, work_out = kUnknown, energy_plastic = kUnknown, energy_slip = kUnknown, energy_damping = kUnknown;
+  double energy_stored = kUnknown, energy_step = kUnknown, energy_audit = kUnknown;
   double cpu_seconds = kUnknown;
   double simulated_seconds = kUnknown;
   bool steady = true;                     // false: the run had not settled when it ended
@@ -49,6 +52,13 @@ bool same_point(const scenario::OperatingPoint& a, const scenario::OperatingPoin
 
 // A point as the engine gives it, a time series averaged over its steady part (whole periods where there are any).
 SweepPoint summarise(const vehicle::SweepPoint& point, const scenario::OperatingPoint& at, std::optional<double> period);
+
+// Puts the books of a run into the point.
+void put_energy(const vehicle::RigEnergy& energy, SweepPoint& point);
+// Their names and values.
+std::vector<std::pair<std::string, double>> energy_fields(const SweepPoint& point);
+// Where the work of these points went, in one line; empty where none of them has books.
+std::string energy_text(const std::vector<SweepPoint>& points);
 
 // What decides whether two pieces of work belong together: everything of a scenario but which points and methods are
 // asked for.

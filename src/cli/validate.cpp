@@ -6,6 +6,7 @@
 
 #include "analysis/quality.h"
 #include "cli/terminal.h"
+#include "scenario/ground.h"
 #include "scenario/methods.h"
 #include "scenario/particle_tests.h"
 #include "scenario/recording_file.h"
@@ -58,6 +59,8 @@ void validate(const std::vector<std::string>& files, Common& common) {
         notes = s.notes;
         s.bekker_soil();
         s.contact_angles();
+        scenario::soil_field(s);
+        scenario::point_law(s);
         s.wheel_shape();
         scenario::effect_set(s);
       }

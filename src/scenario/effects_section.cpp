@@ -17,6 +17,23 @@ Range bounds(const effects::Parameter& p) {
 
 }  // namespace
 
+EffectSpec read_effect(const std::string& id, MapReader& parameters) {
+  EffectSpec effect{id, {}};
+  for (const effects::Parameter& p : effects::find_effect(id)->info->parameters) {
+    const std::string name(p.name);
+    if (const auto v = parameters.number(name, std::string(p.unit), bounds(p))) effect.parameters[name] = *v;
+  }
+  return effect;
+}
+
+Json effect_parameters_schema(const std::string& id) {
+  Json parameters = Json::object();
+  for (const effects::Parameter& p : effects::find_effect(id)->info->parameters)
+    parameters[std::string(p.name)] = quantity_schema(std::string(p.unit), bounds(p),
+                                                      fmt::format("{}{}typically {}", p.meaning, p.meaning.empty() ? "" : "; ", p.typical));
+  return parameters;
+}
+
 Section effects_section() {
   Section section;
   section.name = "effects";
@@ -27,13 +44,8 @@ Section effects_section() {
       const auto below = map.section(id);
       if (!below) continue;
       MapReader parameters = *below;
-      EffectSpec effect{id, {}};
-      for (const effects::Parameter& p : type.info->parameters) {
-        const std::string name(p.name);
-        if (const auto v = parameters.number(name, std::string(p.unit), bounds(p))) effect.parameters[name] = *v;
-      }
+      out.effects.push_back(read_effect(id, parameters));
       parameters.finish();
-      out.effects.push_back(std::move(effect));
     }
     map.finish();
   };
@@ -56,15 +68,10 @@ Section effects_section() {
   section.schema = [] {
     Json properties = Json::object();
     for (const effects::EffectType& type : effects::all_effects()) {
-      Json parameters = Json::object();
-      for (const effects::Parameter& p : type.info->parameters)
-        parameters[std::string(p.name)] =
-            quantity_schema(std::string(p.unit), bounds(p),
-                            fmt::format("{}{}typically {}", p.meaning, p.meaning.empty() ? "" : "; ", p.typical));
       properties[std::string(type.info->id)] = {{"type", "object"},
                                                 {"description", std::string(type.info->name) + ": " + std::string(type.info->equation)},
                                                 {"additionalProperties", false},
-                                                {"properties", parameters}};
+                                                {"properties", effect_parameters_schema(std::string(type.info->id))}};
     }
     return Json{{"type", "object"},
                 {"description", "missing physics that is switched on: id and its parameters"},

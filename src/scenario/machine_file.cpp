@@ -2,6 +2,7 @@
 
 #include "scenario/section.h"
 #include "scenario/urdf_file.h"
+#include "wheel/convex.h"
 
 namespace terrode::scenario {
 
@@ -20,10 +21,6 @@ void vector3(MapReader& map, const std::string& key, const std::string& unit, Ve
                          "three: x, y, z");
 }
 
-void take(double& out, const std::optional<double>& value) {
-  if (value) out = *value;
-}
-
 std::string text_of(MapReader& map, const std::string& key) {
   map.need(key);
   return map.text(key).value_or("");
@@ -31,9 +28,9 @@ std::string text_of(MapReader& map, const std::string& key) {
 
 SpringSpec read_spring(MapReader& map, bool angular) {
   SpringSpec s;
-  take(s.stiffness, map.number("stiffness", angular ? "N m/rad" : "N/m", at_least(0)));
-  take(s.damping, map.number("damping", angular ? "N m s/rad" : "N s/m", at_least(0)));
-  take(s.preload, map.number("preload", angular ? "N m" : "N"));
+  set_if(s.stiffness, map.number("stiffness", angular ? "N m/rad" : "N/m", at_least(0)));
+  set_if(s.damping, map.number("damping", angular ? "N m s/rad" : "N s/m", at_least(0)));
+  set_if(s.preload, map.number("preload", angular ? "N m" : "N"));
   return s;
 }
 
@@ -44,47 +41,70 @@ DriveSpec read_drive(MapReader& map) {
            : kind == "torque" ? DriveKind::torque
            : kind == "speed"  ? DriveKind::speed
                               : DriveKind::dc_motor;
-  take(d.max_torque, map.number("max_torque", "N m", above(0)));
+  set_if(d.max_torque, map.number("max_torque", "N m", above(0)));
   DcMotorSpec& m = d.motor;
-  take(m.voltage, map.number("voltage", "V", above(0)));
-  take(m.resistance, map.number("resistance", "Ohm", above(0)));
-  take(m.torque_constant, map.number("torque_constant", "N m/A", above(0)));
-  take(m.gear, map.number("gear", "-", above(0)));
-  take(m.efficiency, map.number("efficiency", "-", {0, 1, true, false}));
-  take(m.current_limit, map.number("current_limit", "A", above(0)));
-  take(m.speed_gain, map.number("speed_gain", "V s/rad", at_least(0)));
+  set_if(m.voltage, map.number("voltage", "V", above(0)));
+  set_if(m.resistance, map.number("resistance", "Ohm", above(0)));
+  set_if(m.torque_constant, map.number("torque_constant", "N m/A", above(0)));
+  set_if(m.gear, map.number("gear", "-", above(0)));
+  set_if(m.efficiency, map.number("efficiency", "-", {0, 1, true, false}));
+  set_if(m.current_limit, map.number("current_limit", "A", above(0)));
+  set_if(m.speed_gain, map.number("speed_gain", "V s/rad", at_least(0)));
   map.finish();
   return d;
 }
 
 // What a wheel is beside its place and mass; radius and width may come from elsewhere.
 void read_wheel_parts(MapReader& map, VehicleWheelSpec& w) {
-  take(w.shape.radius, map.number("radius", "m", above(0)));
-  take(w.shape.width, map.number("width", "m", above(0)));
-  take(w.shape.crown_radius, map.number("crown_radius", "m", at_least(0)));
+  set_if(w.shape.radius, map.number("radius", "m", above(0)));
+  set_if(w.shape.width, map.number("width", "m", above(0)));
+  set_if(w.shape.crown_radius, map.number("crown_radius", "m", at_least(0)));
   if (auto g = map.section("grousers")) {
-    if (const auto count = g->integer("count", 0, 1000)) w.shape.grousers.count = static_cast<int>(*count);
-    take(w.shape.grousers.height, g->number("height", "m", above(0)));
-    w.shape.grousers.thickness = g->number("thickness", "m", above(0)).value_or(0.003);
-    g->finish();
+    WheelSpec lugs;
+    grouser_table().read(*g, lugs);
+    w.shape.grousers = grousers_of(lugs);
   }
   if (auto d = map.section("drive")) w.drive = read_drive(*d);
   if (auto s = map.section("strut")) {
     StrutSpec strut;
     strut.spring = read_spring(*s, false);
-    take(strut.upright_mass, s->number("upright_mass", "kg", above(0)));
+    set_if(strut.upright_mass, s->number("upright_mass", "kg", above(0)));
     s->finish();
     w.strut = strut;
   }
   if (auto s = map.section("steering")) {
     SteeringSpec steering;
-    take(steering.limit, s->number("limit", "rad", above(0)));
-    take(steering.rate, s->number("rate", "rad/s", above(0)));
-    take(steering.response, s->number("response", "s", above(0)));
-    take(steering.knuckle_mass, s->number("knuckle_mass", "kg", above(0)));
+    set_if(steering.limit, s->number("limit", "rad", above(0)));
+    set_if(steering.rate, s->number("rate", "rad/s", above(0)));
+    set_if(steering.response, s->number("response", "s", above(0)));
+    set_if(steering.knuckle_mass, s->number("knuckle_mass", "kg", above(0)));
     steering.joint = s->text("joint").value_or("");
     s->finish();
     w.steering = steering;
+  }
+}
+
+// Convex hulls of points that press on the ground in place of the body's box.
+void read_pieces(MapReader& map, BodySpec& b) {
+  const std::size_t before = map.source().problems.size();
+  for (const auto& [key, item] : map.items("pieces")) {
+    std::vector<Vec3> points;
+    for (std::size_t i = 0; i < item->items.size(); ++i) {
+      const std::string at = key + "[" + std::to_string(i) + "]";
+      const std::vector<double> p = read_numbers(item->items[i], at, "m", any_number(), map.source());
+      if (p.size() == 3)
+        points.emplace_back(p[0], p[1], p[2]);
+      else
+        map.source().problem(item->items[i], at, "has " + std::to_string(p.size()) + " numbers", "three: x, y, z");
+    }
+    b.pieces.push_back(std::move(points));
+  }
+  if (b.pieces.empty() || map.source().problems.size() > before) return;
+  b.touches_ground = true;
+  try {
+    wheel::ConvexPieces{b.pieces};
+  } catch (const InputError& e) {
+    for (const Problem& p : e.problems()) map.source().problem(*map.find("pieces"), map.key("pieces"), p.message, p.expected);
   }
 }
 
@@ -95,7 +115,7 @@ VehicleWheelSpec read_wheel(MapReader& map) {
   map.need("centre");
   vector3(map, "centre", "m", w.centre);
   map.need("mass");
-  take(w.mass, map.number("mass", "kg", above(0)));
+  set_if(w.mass, map.number("mass", "kg", above(0)));
   if (map.has("inertia")) {
     Vec3 moments = Vec3::Zero();
     vector3(map, "inertia", "kg m^2", moments);
@@ -120,7 +140,7 @@ SensorSpec read_sensor(MapReader& m) {
   } else {
     s.joint = text_of(m, "joint");
   }
-  take(s.noise, m.number("noise", "", at_least(0)));
+  set_if(s.noise, m.number("noise", "", at_least(0)));
   m.finish();
   return s;
 }
@@ -226,7 +246,7 @@ VehicleSpec read_machine(const Node& node, const std::string& key, Source& sourc
       BodySpec b;
       b.name = text_of(m, "name");
       m.need("mass");
-      take(b.mass, m.number("mass", "kg", above(0)));
+      set_if(b.mass, m.number("mass", "kg", above(0)));
       vector3(m, "position", "m", b.position);
       vector3(m, "size", "m", b.size);
       if (m.has("inertia")) {
@@ -234,7 +254,8 @@ VehicleSpec read_machine(const Node& node, const std::string& key, Source& sourc
         vector3(m, "inertia", "kg m^2", moments);
         b.inertia = Mat3(moments.asDiagonal());
       }
-      if (const auto touches = m.flag("touches_ground")) b.touches_ground = *touches;
+      set_if(b.touches_ground, m.flag("touches_ground"));
+      read_pieces(m, b);
       m.finish();
       v.bodies.push_back(b);
     }

@@ -8,26 +8,12 @@
 #include <numbers>
 
 #include "scenario/dem_file.h"
+#include "scenario/ground.h"
 #include "terrain/node_spring.h"
-#include "terrain/surface.h"
 #include "wheel/wheel.h"
 
 namespace terrode::scenario {
 namespace {
-
-// The bed as effects shape it.
-class EffectSurface final : public terrain::Surface {
- public:
-  explicit EffectSurface(effects::EffectSet effects) : effects_(std::move(effects)) {}
-  double height(double x, double) const override { return effects_.bed_height(x); }
-  Eigen::Vector2d gradient(double x, double) const override {
-    constexpr double step = 1e-5;  // m: short against any wave of a bed, long against rounding
-    return {(effects_.bed_height(x + step) - effects_.bed_height(x - step)) / (2.0 * step), 0.0};
-  }
-
- private:
-  effects::EffectSet effects_;
-};
 
 bekker::SkidShear skid_shear(const Scenario& s) {
   return s.terrain.skid_shear == "along_displacement" ? bekker::SkidShear::along_displacement : bekker::SkidShear::as_printed;
@@ -107,20 +93,26 @@ terrain::NodeSpringParams node_spring_params(const Scenario& s) {
   out.unloading_k0 = s.terrain.unloading_k0;
   out.unloading_au = s.terrain.unloading_au;
   out.damping = s.terrain.damping;
+  out.damping_time = s.terrain.damping_time;
+  out.side_wall = s.terrain.side_wall == "hegedus" ? SideWall::hegedus : SideWall::none;
+  out.heap_fraction = s.terrain.heap_fraction;
+  out.repose_angle = s.terrain.repose_angle;
   out.travel_length = s.rig.travel;
   return out;
 }
 
+std::unique_ptr<terrain::NodeSpringTerrain> node_spring_ground(const Scenario& scenario, const effects::EffectSet& effects) {
+  GroundLaw law = point_law(scenario);
+  law.law.modifiers = effects.modifiers();
+  return std::make_unique<terrain::NodeSpringTerrain>(node_spring_params(scenario), law.law, with_bed(scenario.surface, effects),
+                                                      soil_field(scenario), std::move(law.owner));
+}
+
 std::unique_ptr<terrain::Terrain> make_ground(const std::string& method, const Scenario& scenario,
                                               const effects::EffectSet& effects, const MethodSettings& settings) {
+  if (method == "dem") refuse_for_particles(scenario, method);
   if (method == "dem") return particle_ground(scenario, effects, settings.threads, settings.progress);
-  if (method == "node-spring") {
-    bekker::PointLaw law;
-    law.modifiers = effects.modifiers();
-    std::shared_ptr<const terrain::Surface> surface;
-    if (effects.has_bed()) surface = std::make_shared<EffectSurface>(effects);
-    return std::make_unique<terrain::NodeSpringTerrain>(node_spring_params(scenario), law, surface);
-  }
+  if (method == "node-spring") return node_spring_ground(scenario, effects);
   throw InputError({scenario.file, 0, 0, "method", fmt::format("is '{}', which cannot be computed yet", method),
                     "steady, node-spring or dem"});
 }
@@ -130,8 +122,9 @@ vehicle::SweepMethod make_method(const std::string& name, const Scenario& scenar
   if (name == "steady") {
     bekker::SteadyOptions options;
     options.skid_shear = skid_shear(scenario);
-    return vehicle::steady_method(scenario.wheel_size(), scenario.bekker_soil(), scenario.contact_angles(), *effects, {}, options,
-                                  scenario.rig.travel);
+    GroundLaw law = placeless_law(scenario);
+    return vehicle::steady_method(scenario.wheel_size(), scenario.bekker_soil(), scenario.contact_angles(), *effects, law.law, options,
+                                  scenario.rig.travel, std::move(law.owner));
   }
   const auto in_ground = std::make_shared<const effects::EffectSet>(effects->for_ground());
   make_ground(name, scenario, *in_ground, settings);  // what is wrong with the ground is said before the first point

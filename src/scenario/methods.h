@@ -40,6 +40,9 @@ vehicle::SweepMethod make_method(const std::string& name, const Scenario& scenar
 // The node-spring ground's settings with the scenario's soil in them.
 terrain::NodeSpringParams node_spring_params(const Scenario& scenario);
 
+// The node-spring ground of a scenario: soil and how it varies, laws, shape; `effects` must outlive it.
+std::unique_ptr<terrain::NodeSpringTerrain> node_spring_ground(const Scenario& scenario, const effects::EffectSet& effects);
+
 // A fresh ground for a method that simulates in time ("node-spring", ...). What `effects` changes of soil and bed is
 // built in; it must outlive the ground.
 std::unique_ptr<terrain::Terrain> make_ground(const std::string& method, const Scenario& scenario,

@@ -112,6 +112,12 @@ std::vector<double> read_numbers(const Node& node, const std::string& key, const
 // of that folder (by "..", as an absolute path or by a link) is noted, one to a device or a pipe is a problem.
 std::string named_path(const std::string& name, const Node& where, const std::string& key, Source& source);
 
+// Sets `out` where there is a value: how what a file leaves out keeps its default.
+template <class T, class V>
+void set_if(T& out, const std::optional<V>& value) {
+  if (value) out = static_cast<T>(*value);
+}
+
 // Reads one map key by key. Each getter returns nothing when the key is absent or wrong (then a problem was added), and
 // remembers that the key is known; finish() says what is left over.
 class MapReader {

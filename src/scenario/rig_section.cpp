@@ -38,7 +38,11 @@ Table<TerrainSpec> terrain_table() {
       .number("springback", "m", above(0), &TerrainSpec::springback, "rise over which a node of rigid_plastic lets go")
       .number("unloading_k0", "Pa/m", at_least(0), &TerrainSpec::unloading_k0, "k0 of elastic_plastic")
       .number("unloading_au", "Pa/m^2", at_least(0), &TerrainSpec::unloading_au, "A_u of elastic_plastic")
-      .number("damping", "Pa s/m", at_least(0), &TerrainSpec::damping, "dashpot along the surface normal");
+      .number("damping", "Pa s/m", at_least(0), &TerrainSpec::damping, "dashpot along the surface normal")
+      .number("damping_time", "s", at_least(0), &TerrainSpec::damping_time, "a dashpot of this times the ground's stiffness there")
+      .choice("side_wall", {"none", "hegedus"}, &TerrainSpec::side_wall, "soil that the side of a sunk wheel pushes")
+      .number("heap_fraction", "-", from_to(0, 1), &TerrainSpec::heap_fraction, "of the soil pushed down that is heaped around the contact")
+      .number("repose_angle", "rad", {0, 1.55, false, false}, &TerrainSpec::repose_angle, "slope to which heaps and rut walls fall; 0: they stand");
   return t;
 }
 

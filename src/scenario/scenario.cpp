@@ -27,6 +27,10 @@ std::vector<Section> sections() {
       terrain_section(),
       particles_section(),
       effects_section(),
+      laws_section(),
+      surface_section(),
+      soil_map_section(),
+      soil_layers_section(),
       sweep_section(),
       measured_section(),
   };
@@ -260,31 +264,31 @@ std::vector<OperatingPoint> Scenario::operating_points(const std::vector<double>
   return out;
 }
 
-bekker::Soil Scenario::bekker_soil() const {
-  Problems missing = check_soil(soil);
+bekker::Soil Scenario::bekker_soil(const recording::SoilBelief& belief, const std::string& where) const {
+  Problems missing = check_soil(belief);
   for (Problem& p : missing) {
     p.file = file;
-    p.key = "soil." + p.key;
+    p.key = where + p.key;
   }
   throw_if_any(missing);
   bekker::Soil out;
-  out.cohesion = *soil.cohesion;
-  out.friction_angle = *soil.friction_angle;
-  out.shear_modulus = *soil.shear_modulus;
-  out.n = *soil.n;
-  if (soil.kc) {
-    out.k = bekker::bekker_modulus(*soil.kc, *soil.kphi, wheel.width);
+  out.cohesion = *belief.cohesion;
+  out.friction_angle = *belief.friction_angle;
+  out.shear_modulus = *belief.shear_modulus;
+  out.n = *belief.n;
+  if (belief.kc) {
+    out.k = bekker::bekker_modulus(*belief.kc, *belief.kphi, wheel.width);
     out.plate_width = 1.0;
   } else {
-    out.k = *soil.k;
-    out.plate_width = *soil.plate_width;
+    out.k = *belief.k;
+    out.plate_width = *belief.plate_width;
   }
-  out.bulk_density = soil.bulk_density.value_or(1600.0);
+  out.bulk_density = belief.bulk_density.value_or(1600.0);
   out.gravity = rig.gravity;
   Problems wrong = out.validate();
   for (Problem& p : wrong) {
     p.file = file;
-    p.key = "soil.bekker." + p.key;
+    p.key = where + "bekker." + p.key;
   }
   throw_if_any(wrong);
   return out;
@@ -306,22 +310,27 @@ bekker::ContactAngles Scenario::contact_angles() const {
 
 bekker::WheelSize Scenario::wheel_size() const { return {wheel.radius, wheel.width}; }
 
+wheel::Grousers grousers_of(const WheelSpec& wheel) {
+  using terrode::wheel::GrouserShape;
+  terrode::wheel::Grousers out;
+  if (wheel.grouser_count == 0) return out;
+  out.count = wheel.grouser_count;
+  out.height = wheel.grouser_height;
+  out.thickness = wheel.grouser_thickness;
+  out.tip_thickness = wheel.grouser_tip_thickness;
+  out.phase = wheel.grouser_phase;
+  out.shape = wheel.grouser_shape == "tapered"      ? GrouserShape::tapered
+              : wheel.grouser_shape == "triangular" ? GrouserShape::triangular
+                                                    : GrouserShape::straight;
+  return out;
+}
+
 wheel::WheelShape Scenario::wheel_shape() const {
   terrode::wheel::WheelShape out;
   out.radius = wheel.radius;
   out.width = wheel.width;
   out.crown_radius = wheel.crown_radius;
-  if (wheel.grouser_count > 0) {
-    out.grousers.count = wheel.grouser_count;
-    out.grousers.height = wheel.grouser_height;
-    out.grousers.thickness = wheel.grouser_thickness;
-    out.grousers.tip_thickness = wheel.grouser_tip_thickness;
-    out.grousers.phase = wheel.grouser_phase;
-    using terrode::wheel::GrouserShape;
-    out.grousers.shape = wheel.grouser_shape == "tapered"      ? GrouserShape::tapered
-                         : wheel.grouser_shape == "triangular" ? GrouserShape::triangular
-                                                               : GrouserShape::straight;
-  }
+  out.grousers = grousers_of(wheel);
   Problems wrong = out.validate();
   for (Problem& p : wrong) {
     p.file = file;

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,6 +17,7 @@
 #include "bekker/steady_wheel.h"
 #include "recording/recording.h"
 #include "scenario/reader.h"
+#include "terrain/surface.h"
 #include "wheel/wheel.h"
 
 namespace terrode::scenario {
@@ -68,6 +70,41 @@ struct TerrainSpec {
   double unloading_k0 = 0.0;          // Pa/m
   double unloading_au = 0.0;          // Pa/m2
   double damping = 0.0;               // Pa s/m
+  double damping_time = 0.0;          // s
+  std::string side_wall = "none";
+  double heap_fraction = 0.0;
+  double repose_angle = 0.0;          // rad
+};
+
+// A law chosen by name, its parameters in SI.
+struct LawChoice {
+  std::string name;
+  std::map<std::string, double> parameters;
+};
+
+// What the ground's shape is made of; the parts of a scenario are added up. Which keys a kind has: scenario/ground.cpp.
+struct SurfacePart {
+  std::string kind = "level";         // or slope, step, fractal, png, ascii
+  double height = 0.0;                // m, of level ground; by how much a step rises
+  double angle = 0.0, azimuth = 0.0;  // rad
+  double at = 0.0, run = 0.02;        // m
+  double rms_height = 0.01, hurst = 0.8, longest = 2.0, shortest = 0.05;  // m, -, m, m
+  int waves = 96, seed = 1;
+  std::string file;                   // with its folder
+  double cell = 0.0, black = 0.0, white = 0.0, x0 = 0.0, y0 = 0.0;  // m
+};
+
+// Another soil in a rectangle, or mixed in by a share that varies like a surface: from 0, none of it, to 1, it alone.
+struct SoilPlace {
+  std::optional<double> x0, y0, x1, y1;  // m
+  std::vector<SurfacePart> share;        // with heights without dimension
+  std::shared_ptr<const terrain::Surface> share_surface;  // made of `share`
+  recording::SoilBelief soil;            // whole: what the file leaves out is that of the scenario
+};
+
+struct LayerOfSoil {
+  std::optional<double> thickness;       // m; the last one goes on for ever
+  recording::SoilBelief soil;            // as of SoilPlace
 };
 
 // Grains, bed and law of the methods dem and mpi; lengths that are absent come from the wheel (scenario/dem_file.h).
@@ -124,6 +161,11 @@ struct Scenario {
   WheelSpec wheel;
   RigSpec rig;
   TerrainSpec terrain;
+  LawChoice pressure_law{"power", {}}, shear_law{"janosi", {}};
+  std::vector<SurfacePart> surface_parts;
+  std::shared_ptr<const terrode::terrain::Surface> surface;  // made of them; null: level
+  std::vector<SoilPlace> soil_map;
+  std::vector<LayerOfSoil> soil_layers;
   ParticleSpec particles;
   std::vector<EffectSpec> effects;
   std::vector<double> slips;          // by the convention of the scenario
@@ -141,11 +183,16 @@ struct Scenario {
   std::vector<OperatingPoint> operating_points(const std::vector<double>& slips) const;
   // The soil as Bekker-type models take it; kc and kphi become k for the wheel's width. Throws InputError naming what
   // is missing or wrong.
-  bekker::Soil bekker_soil() const;
+  bekker::Soil bekker_soil() const { return bekker_soil(soil, "soil."); }
+  // Of another soil of the scenario; `key` with its dot is where it stands.
+  bekker::Soil bekker_soil(const recording::SoilBelief& soil, const std::string& key) const;
   bekker::ContactAngles contact_angles() const;
   bekker::WheelSize wheel_size() const;
-  wheel::WheelShape wheel_shape() const;
+  terrode::wheel::WheelShape wheel_shape() const;
 };
+
+// Lugs as the wheel room takes them.
+wheel::Grousers grousers_of(const WheelSpec& wheel);
 
 // Reads a scenario file, or a recording (a folder, or its recording.yaml; its runs on up to `threads` threads). Throws
 // InputError with every problem.

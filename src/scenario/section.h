@@ -26,6 +26,10 @@ Section rig_section();
 Section terrain_section();
 Section particles_section();
 Section effects_section();
+Section laws_section();
+Section surface_section();
+Section soil_map_section();
+Section soil_layers_section();
 Section sweep_section();
 Section measured_section();
 
@@ -36,6 +40,11 @@ void inline_or_file(const Node& node, const std::string& key, Source& source,
 // The key tables, for files of their own (a soil file) and for the schema.
 Table<recording::SoilBelief> soil_table();
 Table<WheelSpec> wheel_table();
+Table<WheelSpec> grouser_table();
+
+// One effect with its parameters from a map of them; finish() is left to the caller. And its parameters' schema.
+EffectSpec read_effect(const std::string& id, MapReader& parameters);
+Json effect_parameters_schema(const std::string& id);
 
 // What is missing or contradictory in a soil for a model to run on it; keys as in the file ("bekker.k").
 Problems check_soil(const recording::SoilBelief& soil);

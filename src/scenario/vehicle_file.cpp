@@ -20,22 +20,18 @@ using namespace vehicle;
 
 constexpr double earth = 9.81, moon = 1.62, mars = 3.71;  // m/s2
 
-void take(double& out, const std::optional<double>& value) {
-  if (value) out = *value;
-}
-
 void read_script(MapReader& map, DriveScenario& out) {
   for (const auto& [key, item] : map.items("script")) {
     MapReader m(*item, key, map.source());
     Manoeuvre x;
     x.duration = m.number("duration", "s", above(0));
     x.distance = m.number("distance", "m", above(0));
-    take(x.ramp, m.number("ramp", "s", at_least(0)));
-    take(x.speed, m.number("speed", "m/s"));
-    take(x.curvature, m.number("curvature", "1/m"));
-    take(x.yaw_rate, m.number("yaw_rate", "rad/s"));
-    take(x.hitch_pull, m.number("hitch_pull", "N"));
-    take(x.torque, m.number("torque", "N m"));
+    set_if(x.ramp, m.number("ramp", "s", at_least(0)));
+    set_if(x.speed, m.number("speed", "m/s"));
+    set_if(x.curvature, m.number("curvature", "1/m"));
+    set_if(x.yaw_rate, m.number("yaw_rate", "rad/s"));
+    set_if(x.hitch_pull, m.number("hitch_pull", "N"));
+    set_if(x.torque, m.number("torque", "N m"));
     m.finish();
     for (const Problem& p : x.validate(key)) map.source().problem(*item, p.key, p.message, p.expected);
     out.script.push_back(x);
@@ -48,11 +44,11 @@ void read_script(MapReader& map, DriveScenario& out) {
       else
         map.source().problem(*item, key, "has " + std::to_string(p.size()) + " numbers", "two: x, y");
     }
-    take(out.path.speed, path->number("speed", "m/s", above(0)));
-    take(out.path.lookahead, path->number("lookahead", "m", above(0)));
-    take(out.path.largest_curvature, path->number("largest_curvature", "1/m", above(0)));
-    take(out.path.tolerance, path->number("tolerance", "m", above(0)));
-    take(out.path.ramp, path->number("ramp", "s", at_least(0)));
+    set_if(out.path.speed, path->number("speed", "m/s", above(0)));
+    set_if(out.path.lookahead, path->number("lookahead", "m", above(0)));
+    set_if(out.path.largest_curvature, path->number("largest_curvature", "1/m", above(0)));
+    set_if(out.path.tolerance, path->number("tolerance", "m", above(0)));
+    set_if(out.path.ramp, path->number("ramp", "s", at_least(0)));
     path->finish();
   }
   if (out.script.empty() == out.waypoints.empty())
@@ -104,9 +100,9 @@ void read_margin(MapReader& map, VehicleOptions& options) {
   auto margin = map.section("mobility_margin");
   if (!margin) return;
   margin->need("every");
-  take(options.margin_interval, margin->number("every", "s", above(0)));
-  take(options.margin_largest, margin->number("largest", "N", above(0)));
-  take(options.margin_rate, margin->number("rate", "N/s", above(0)));
+  set_if(options.margin_interval, margin->number("every", "s", above(0)));
+  set_if(options.margin_largest, margin->number("largest", "N", above(0)));
+  set_if(options.margin_rate, margin->number("rate", "N/s", above(0)));
   margin->finish();
 }
 
@@ -157,28 +153,27 @@ DriveScenario parse_drive(const std::string& text, const std::string& file) {
   }
   if (const auto g = map.choice("ground", {"node-spring", "rigid", "dem"})) out.ground = *g;
   if (out.ground == "node-spring") map.need("soil");
-  for (const Section& section : {soil_section(), terrain_section(), effects_section()})
+  for (const Section& section : {soil_section(), terrain_section(), effects_section(), laws_section(), surface_section(),
+                                 soil_map_section(), soil_layers_section()})
     if (const Node* node = map.find(section.name)) section.read(*node, section.name, source, out.base);
-  if (const Node* node = map.find("surface")) out.surface = read_surface(*node, "surface", source);
-  out.soil_map = read_soil_map(map, out.base);
   const double gravity = read_gravity(map);
   read_soil_gravity(map, gravity, out);
   double slope = 0.0;
-  take(slope, map.number("slope", "rad", between(-1.2, 1.2)));
+  set_if(slope, map.number("slope", "rad", between(-1.2, 1.2)));
   out.options.gravity = gravity * Vec3(-std::sin(slope), 0.0, -std::cos(slope));
-  take(out.options.start_x, map.number("start_x", "m"));
-  take(out.options.start_y, map.number("start_y", "m"));
-  take(out.options.start_heading, map.number("start_heading", "rad"));
-  take(out.options.time_step, map.number("time_step", "s", {0, 0.1, true, false}));
-  take(out.options.sample_interval, map.number("sample_interval", "s", at_least(0)));
-  take(out.options.settle_time, map.number("settle_time", "s", above(0)));
-  take(out.options.immobile_time, map.number("immobile_time", "s", above(0)));
+  set_if(out.options.start_x, map.number("start_x", "m"));
+  set_if(out.options.start_y, map.number("start_y", "m"));
+  set_if(out.options.start_heading, map.number("start_heading", "rad"));
+  set_if(out.options.time_step, map.number("time_step", "s", {0, 0.1, true, false}));
+  set_if(out.options.sample_interval, map.number("sample_interval", "s", at_least(0)));
+  set_if(out.options.settle_time, map.number("settle_time", "s", above(0)));
+  set_if(out.options.immobile_time, map.number("immobile_time", "s", above(0)));
   read_margin(map, out.options);
   out.options.rocks = read_rocks(map, out.options.start_x, out.options.start_y, reach);
   if (auto contact = map.section("rock_contact")) {
-    take(out.options.rock_contact.friction, contact->number("friction", "-", at_least(0)));
-    take(out.options.rock_contact.stiffness, contact->number("stiffness", "N/m", above(0)));
-    take(out.options.rock_contact.damping, contact->number("damping", "N s/m", at_least(0)));
+    set_if(out.options.rock_contact.friction, contact->number("friction", "-", at_least(0)));
+    set_if(out.options.rock_contact.stiffness, contact->number("stiffness", "N/m", above(0)));
+    set_if(out.options.rock_contact.damping, contact->number("damping", "N s/m", at_least(0)));
     contact->finish();
   }
   if (out.ground != "node-spring") {
@@ -186,8 +181,9 @@ DriveScenario parse_drive(const std::string& text, const std::string& file) {
       if (there)
         source.problem(*map.find(key), key, "stands on " + out.ground + " ground, which is level and uniform", "ground: node-spring");
     };
-    only("surface", out.surface != nullptr);
-    only("soil_map", !out.soil_map.empty());
+    only("surface", out.base.surface != nullptr);
+    only("soil_map", !out.base.soil_map.empty());
+    only("soil_layers", !out.base.soil_layers.empty());
     if (out.ground == "dem") {
       only("slope", slope != 0.0);
       only("start_heading", out.options.start_heading != 0.0);
@@ -201,7 +197,7 @@ DriveScenario parse_drive(const std::string& text, const std::string& file) {
     total += m.duration.value_or(0.0);
   }
   if (timed) out.duration = total;
-  take(out.duration, map.number("duration", "s", above(0)));
+  set_if(out.duration, map.number("duration", "s", above(0)));
   map.finish();
   throw_if_any(source.problems);
   out.base.notes.insert(out.base.notes.begin(), source.notes.begin(), source.notes.end());
@@ -227,11 +223,7 @@ std::unique_ptr<terrain::Terrain> DriveScenario::make_ground(const effects::Effe
     params.tiles_y = std::max(params.tiles_y, static_cast<int>(std::ceil(2.0 * half / params.prism.length)));
     return std::make_unique<dem::DemTerrain>(std::move(params));
   }
-  bekker::PointLaw law;
-  law.modifiers = effects.modifiers();
-  std::shared_ptr<const terrain::SoilField> field;
-  if (!soil_map.empty()) field = std::make_shared<terrain::SoilMap>(soil_map);
-  return std::make_unique<terrain::NodeSpringTerrain>(node_spring_params(base), law, with_bed(surface, effects), field);
+  return node_spring_ground(base, effects);
 }
 
 std::unique_ptr<vehicle::Controller> DriveScenario::make_controller() const {

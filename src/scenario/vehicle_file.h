@@ -12,7 +12,7 @@
 #include "recording/recording.h"
 #include "scenario/machine_file.h"
 #include "scenario/scenario.h"
-#include "scenario/vehicle_ground.h"
+#include "scenario/rocks_file.h"
 #include "vehicle/controllers.h"
 #include "vehicle/vehicle.h"
 
@@ -20,10 +20,8 @@ namespace terrode::scenario {
 
 struct DriveScenario {
   std::string file, text;
-  Scenario base;                                    // soil, terrain settings, effects
+  Scenario base;                                    // soil, laws, terrain settings, surface, effects
   std::string ground = "node-spring";               // or rigid, dem
-  std::shared_ptr<const terrain::Surface> surface;  // null: level
-  std::vector<terrain::SoilPatch> soil_map;
   vehicle::VehicleSpec machine;
   vehicle::VehicleOptions options;
   std::vector<vehicle::Manoeuvre> script;  // one of script and waypoints

@@ -2,7 +2,7 @@
 
 namespace terrode::scenario {
 
-Table<WheelSpec> wheel_table() {
+Table<WheelSpec> grouser_table() {
   Table<WheelSpec> grousers;
   grousers.integer("count", 0, 500, &WheelSpec::grouser_count, "number of lugs around the rim")
       .number("height", "m", at_least(0), &WheelSpec::grouser_height, "of the lugs above the rim")
@@ -10,7 +10,11 @@ Table<WheelSpec> wheel_table() {
       .number("tip_thickness", "m", at_least(0), &WheelSpec::grouser_tip_thickness, "of a tapered lug at its tip")
       .choice("shape", {"straight", "tapered", "triangular"}, &WheelSpec::grouser_shape, "of a lug")
       .number("phase", "rad", any_number(), &WheelSpec::grouser_phase, "of the first lug, from straight down");
-  Table<WheelSpec>::Key grouser_key = Table<WheelSpec>().group("grousers", grousers, "lugs").keys().front();
+  return grousers;
+}
+
+Table<WheelSpec> wheel_table() {
+  Table<WheelSpec>::Key grouser_key = Table<WheelSpec>().group("grousers", grouser_table(), "lugs").keys().front();
   const auto write = grouser_key.write;
   grouser_key.write = [write](const WheelSpec& w) { return w.grouser_count > 0 ? write(w) : std::nullopt; };
 

@@ -2,12 +2,57 @@
 // node_spring.cpp, node_roll.cpp and node_press.cpp alone.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+
 #include "terrain/node_spring.h"
 #include "terrain/rim_shear.h"
 #include "wheel/body.h"
 #include "wheel/wheel.h"
 
 namespace terrode::terrain {
+
+// What a part of the contact gives per metre of width, moments about the axle's middle.
+struct RollCell {
+  Vec3 normal = Vec3::Zero(), normal_moment = Vec3::Zero(), shear = Vec3::Zero(), shear_moment = Vec3::Zero();
+  double drive = 0, drag = 0, area = 0, compaction = 0, stored = 0, damping_power = 0, unload = 0, load = 0, slide = 0, stick = 0, rear = 0;
+  double max_sinkage = 0, max_shear = 0, side = 0;
+  bool loaded = false;
+
+  // Adds `w` times the sums of another.
+  void add(const RollCell& c, double w) {
+    normal += w * c.normal;
+    normal_moment += w * c.normal_moment;
+    shear += w * c.shear;
+    shear_moment += w * c.shear_moment;
+    drive += w * c.drive;
+    drag += w * c.drag;
+    area += w * c.area;
+    compaction += w * c.compaction;
+    stored += w * c.stored;
+    damping_power += w * c.damping_power;
+    unload += w * c.unload;
+    load += w * c.load;
+    slide += w * c.slide;
+    stick += w * c.stick;
+    rear += w * c.rear;
+  }
+};
+
+// A piece of a contact that is alike in all strips: what it gives at three Gauss points, and how much of the width the
+// nodes put on each.
+struct RollPanel {
+  double begin = 0.0, end = 0.0, length = 0.0;  // along the travel [m]
+  int root = 0;                      // +1: the coordinate is squared at the end, -1: at the beginning
+  RollCell at[3];                    // times dx/du
+  double width[3] = {}, moment[3] = {};  // [m], [m2] about the middle of the axle
+
+  // Place of x within the panel, from 0 to 1, in its own coordinate.
+  double coordinate(double x) const {
+    const double share = std::clamp((x - begin) / length, 0.0, 1.0);
+    return root == 0 ? share : root > 0 ? std::sqrt(1.0 - share) : std::sqrt(share);
+  }
+};
 
 struct NodeSpringTerrain::BodyState {
   // What one node will remember of a trial.
@@ -38,6 +83,7 @@ struct NodeSpringTerrain::BodyState {
 
   BodyId id = 0;
   std::shared_ptr<const wheel::Body> shape;
+  double width = 0.0;  // of the contact, the smaller way [m]
   const wheel::Wheel* wheel = nullptr;  // the same, where it is one
   History kept, trial;
   bool tried = false;
@@ -52,6 +98,7 @@ struct NodeSpringTerrain::BodyState {
   std::vector<double> rear_end, rear_share;  // end of the part that gives way as the exit moves [m]; 1/its angle [1/rad]
   std::vector<double> rear_reach;  // place of the exit in steady rolling [m], 0 or behind
   RimShear shear, shear_trial;
+  std::vector<RollPanel> panels;
 
   std::vector<Touch> touches;      // of the last trial
   std::vector<NodeIndex> contact;  // as committed

@@ -28,6 +28,7 @@ ContactResult NodeSpringTerrain::press(BodyState& s, const Pose& pose, const Twi
   context.time = t_;
   context.normal_load = kept.load;
   context.unit_weight = params_.soil.unit_weight();
+  context.width = s.width;
   context.forward_velocity = std::hypot(twist.v_W.x(), twist.v_W.y());
 
   static const Node virgin{};
@@ -79,7 +80,7 @@ ContactResult NodeSpringTerrain::press(BodyState& s, const Pose& pose, const Twi
       double hold = 1.0, gap = 0.0;
       const double deepest = std::max(node.plastic, in_contact ? node.reached : 0.0);
       if (!elastic && deepest > mean) {
-        const double back = springback(soil_at(px, py, deepest), deepest);
+        const double back = springback(soil_at(px, py, deepest), deepest, s.width);
         gap = deepest - mean;
         hold = std::max(0.0, 1.0 - gap / std::max(back, 1e-12));
       }
@@ -135,8 +136,10 @@ ContactResult NodeSpringTerrain::press(BodyState& s, const Pose& pose, const Twi
         }
         if (held <= 0) continue;
         const double area = line.share * dx * dx * (params_.area == NodeArea::arc ? 1.0 / -n.z() : 1.0);
-        if (params_.damping > 0) {
-          const double press = v.dot(n), damped = std::max(0.0, stress.sigma + params_.damping * press);
+        const double stiffness = exponent(soil, sinkage) * stress.sigma / sinkage;
+        if (damps()) {
+          const double press = v.dot(n);
+          const double damped = std::max(0.0, stress.sigma + (params_.damping + params_.damping_time * stiffness) * press);
           r.damping_power += area * (damped - stress.sigma) * press;
           stress.sigma = damped;
         }
@@ -148,10 +151,10 @@ ContactResult NodeSpringTerrain::press(BodyState& s, const Pose& pose, const Twi
         shear_moment += arm.cross(drag);
         r.contact_area += area;
         r.max_sinkage = std::max(r.max_sinkage, z + node.entry - node.raised);
-        const double back = std::max(springback(soil, sinkage), 1e-12);
+        const double back = std::max(springback(soil, sinkage, s.width), 1e-12);
         if (!elastic) r.stored_energy += 0.5 * area * stress.sigma * held * back;
         unload += area * -n.z() * stress.sigma / back;
-        load += area * -n.z() * soil.n * stress.sigma / sinkage;
+        load += area * -n.z() * stiffness;
         loaded = true;
         if (record) {
           shown.area += area;
@@ -184,7 +187,7 @@ ContactResult NodeSpringTerrain::press(BodyState& s, const Pose& pose, const Twi
   if (kept.placed && t_ > kept.time) r.plastic_power -= (r.stored_energy - kept.stored) / (t_ - kept.time);
   r.stiffness(2, 2) = load;
   if (!elastic) r.release_stiffness = load + unload;
-  if (params_.damping > 0) r.damping(2, 2) = params_.damping * r.contact_area;
+  if (damps()) r.damping(2, 2) = params_.damping * r.contact_area + params_.damping_time * load;
   s.trial.touching = r.contact_count > 0;
   s.trial.load = r.wrench.F_W.z();
   s.trial.stored = r.stored_energy;

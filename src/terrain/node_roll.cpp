@@ -59,14 +59,6 @@ struct NodeSpringTerrain::Roll {
   double entry_max = 0.0;
   bool uniform = true;  // all strips have the same arc
 
-  // What the part of one node within the contact gives per metre of width, moments about the axle's middle.
-  struct Cell {
-    Vec3 normal = Vec3::Zero(), normal_moment = Vec3::Zero(), shear = Vec3::Zero(), shear_moment = Vec3::Zero();
-    double drive = 0, drag = 0, area = 0, compaction = 0, stored = 0, damping_power = 0, unload = 0, load = 0, slide = 0, stick = 0, rear = 0;
-    double max_sinkage = 0, max_shear = 0, side = 0;
-    bool loaded = false;
-  };
-
   bool lay_frame();
   void describe();
   double radius_of(double y) const {
@@ -80,8 +72,21 @@ struct NodeSpringTerrain::Roll {
   void find_exit();
   void lay_arcs();
   void move_shear();
-  void cell(Cell& out, const Node& node, std::size_t k, double px, double py, double xr, double yr, double H, double climb,
-            double from, double to, double hold, double gap, const ShearPath* of_node) const;
+  // A node as the quadrature meets it.
+  struct Place {
+    const Node& node;
+    std::size_t strip;
+    double px, py;     // in the world [m]
+    double xr, yr;     // in the contact's frame [m]
+    double H, climb;   // ground below the arc's centre [m], its slope along e_f
+    double hold, gap;  // what is left of the pressure; how far the node has let go [m]
+    const ShearPath* of_node;
+  };
+  void cell(RollCell& out, const Place& at, double from, double to) const;
+  void point(RollCell& out, const Place& at, double x, double run) const;
+  void lay_panels(const Place& like) const;
+  // Spreads a node's part of the contact over the panels it lies in; `record` gets what it gives per metre of width.
+  void spread(double from, double to, double cover, double yr, RollCell* shown) const;
   void sum(Sums& sums) const;
   ContactResult result(const Sums& sums) const;
 };
@@ -252,7 +257,10 @@ void NodeSpringTerrain::Roll::find_exit() {
   target = std::clamp(target, -entry_max, entry_max);
   trial.exit = target;
   if (kept.placed && kept.touching) {
-    const double go = std::abs(motion.go), path = std::max(0.0, -motion.up) + go * std::sin(entry_max);
+    // The entry angle of the middle of the step, as motion and target are: of second order while the step is short
+    // against the springback.
+    const double entry_before = *std::max_element(s.kept_entry.begin(), s.kept_entry.end());
+    const double go = std::abs(motion.go), path = std::max(0.0, -motion.up) + go * std::sin(0.5 * (entry_max + entry_before));
     const double left = std::exp(-path / params.springback);
     // Turned, the contact ends where it began.
     const double before = facing == kept.direction ? kept.exit : -entry_max;
@@ -294,7 +302,7 @@ void NodeSpringTerrain::Roll::lay_arcs() {
     const double drop = 1.0 - std::cos(theta_f);  // sinkage over radius
     if (shape.rear_fraction > 0) angles.theta_r = -std::acos(std::max(-1.0, 1.0 - shape.rear_fraction * drop));
     if (params.unloading == Unloading::elastic_plastic && theta_f > 0) {
-      const double rebound = ground.springback(ground.soil_, own.radius * drop);
+      const double rebound = ground.springback(ground.soil_at(pose.p_W.x(), pose.p_W.y(), own.radius * drop), own.radius * drop, s.width);
       angles.theta_r = std::min(angles.theta_r, -std::acos(std::max(-1.0, 1.0 - rebound / own.radius)));
     }
     s.rear_reach.push_back(own.radius * std::sin(std::max(angles.theta_r, -theta_f)));
@@ -320,14 +328,11 @@ void NodeSpringTerrain::Roll::move_shear() {
                     ground.soil_.shear_modulus);
 }
 
-void NodeSpringTerrain::Roll::cell(Cell& out, const Node& node, std::size_t k, double px, double py, double xr, double yr,
-                                   double H, double climb, double from, double to, double hold, double gap,
-                                   const ShearPath* of_node) const {
+void NodeSpringTerrain::Roll::cell(RollCell& out, const Place& at, double from, double to) const {
   constexpr double gauss[2] = {0.5 - 0.28867513459481288225, 0.5 + 0.28867513459481288225};
-  const ContactArc& arc = s.arcs[k];
-  const double R = arc.radius, front_end = R * arc.sin_f, rear_end = R * s.exit_sine[k], peak = R * arc.sin_m;
-  const bool spread = params.distribution == PressureDistribution::wong_reece;
-  const bool split = spread && peak > from && peak < to;
+  const ContactArc& arc = s.arcs[at.strip];
+  const double R = arc.radius, front_end = R * arc.sin_f, rear_end = R * s.exit_sine[at.strip], peak = R * arc.sin_m;
+  const bool split = params.distribution == PressureDistribution::wong_reece && peak > from && peak < to;
   const int points = plain ? 2 : 4;
   for (int piece = 0; piece < (split ? 2 : 1); ++piece) {
     const double a = piece ? peak : from, b = split && !piece ? peak : to, length = b - a;
@@ -348,145 +353,235 @@ void NodeSpringTerrain::Roll::cell(Cell& out, const Node& node, std::size_t k, d
         x = a + length * gauss[q];
         run = 0.5 * length;
       }
-      double sin_t = x / R, cos_t = std::sqrt(1.0 - sin_t * sin_t), theta, below = R * cos_t - lift;
-      Vec3 normal(sin_t, 0.0, -cos_t);  // out of the rim, into the ground
-      if (plain) {
-        theta = std::asin(sin_t);
-      } else {
-        const double y = std::clamp(yr, -half_width * (1 - 1e-9), half_width * (1 - 1e-9));
-        const Vec3 origin = x * e_f + y * e_y - 2.0 * s.shape->bounding_radius() * e_d;
-        const Quat to_body = pose.R_WB.conjugate();
-        wheel::RayHit hit;
-        if (!s.shape->ray(to_body * origin, to_body * e_d, hit) || hit.side) continue;
-        const Vec3 p = pose.R_WB * hit.p_B, n = pose.R_WB * hit.n_B;
-        below = -p.dot(e_d);
-        normal = Vec3(n.dot(e_f), n.dot(e_y), n.dot(e_d));
-        constexpr double steepest = 1e-3;  // walls are not met by lines that run up along them
-        if (-normal.z() < steepest) continue;
-        const double rho = std::sqrt(x * x + (below + lift) * (below + lift));
-        sin_t = x / rho;
-        cos_t = (below + lift) / rho;
-        theta = std::atan2(x, below + lift);
-      }
-      // Depth in this contact, below the ground as it lay, and the depth that sets the pressure.
-      const double depth = below + lift - H - climb * (x - xr) + node.raised - node.entry;
-      if (depth <= 0) continue;
-      const double equivalent = spread ? arc.equivalent(theta) : theta;
-      const bool front = equivalent == theta;
-      const double cos_e = front ? cos_t : std::cos(equivalent);
-      const double z = front ? depth : depth + R * (cos_e - cos_t);
-      if (z <= 0) continue;
-      const double sinkage = z + node.entry;
-      // The depth whose pressure counts, and what is left of it: on the way down through ground that was pressed before,
-      // and where the node has let go by `gap` since.
-      double share = hold, deepest = sinkage + gap;
-      if (!elastic && sinkage < node.plastic) {
-        share *= z / (node.plastic - node.entry);
-        deepest = node.plastic;
-      }
-
-      ShearPath j;
-      double length_j;
-      if (of_node) {
-        j = *of_node;
-        length_j = std::sqrt(j.along * j.along + j.across * j.across);
-      } else if (params.shear_history == ShearHistory::rim) {
-        const ShearPath rim = s.shear_trial.at(theta, k, arc);
-        j = rim;
-        length_j = std::sqrt(j.along * j.along + j.across * j.across);
-      } else {
-        const double closed = arc.shear_displacement(theta, sin_t);
-        const double sign = arc.shear_sign(theta, closed);
-        if (std::isinf(closed)) {
-          j = {sign, tan_slip_angle};
-          length_j = std::numeric_limits<double>::infinity();
-        } else {
-          j = {sign * std::abs(closed), R * arc.one_minus_s * (arc.theta_f - theta) * tan_slip_angle};
-          length_j = std::sqrt(j.along * j.along + j.across * j.across);
-        }
-      }
-
-      bekker::LocalSoil soil = ground.soil_;
-      if (ground.field_) ground.field_->at(px, py, deepest, soil);
-      bekker::Stress stress;
-      if (ground.law_.plain) {
-        stress.sigma = bekker::power_law_pressure(soil, deepest);
-        stress.tau = (soil.cohesion + share * stress.sigma * soil.tan_phi) * bekker::janosi_mobilised(soil, length_j);
-        stress.sigma *= share;
-      } else {
-        bekker::Point point;
-        point.sinkage = deepest;
-        point.depth = depth + node.entry;
-        point.theta = theta;
-        point.sin_theta = sin_t;
-        point.cos_theta = cos_t;
-        point.shear_displacement = length_j;
-        const double side = context.forward_velocity * tan_slip_angle, slide = rim_speed - context.forward_velocity * cos_t;
-        point.slide_speed = std::sqrt(slide * slide + side * side);
-        const double sin_e = front ? sin_t : std::sin(equivalent);
-        point.penetration_speed = std::max(0.0, context.forward_velocity * sin_e - twist.v_W.dot(e_d) * cos_e);
-        bekker::Context own = context;
-        own.pass = node.passes + 1;
-        stress = bekker::stress_at(soil, ground.law_, own, point);
-        // What lets go of the ground lets go of the wheel: the law's shear is for full pressure.
-        const double full = soil.cohesion + stress.sigma * soil.tan_phi;
-        const double held = soil.cohesion + share * stress.sigma * soil.tan_phi;
-        stress.tau *= full > 0 ? held / full : share;
-        stress.sigma *= share;
-        stress.drive *= share;
-        stress.drag *= share;
-      }
-      if (share <= 0) continue;
-      const double area = params.area == NodeArea::arc ? run / -normal.z() : run;
-      if (params.damping > 0) {
-        const Vec3 v = twist.v_W + twist.w_W.cross(x * e_f + yr * e_y - below * e_d);
-        const double press = v.dot(normal.x() * e_f + normal.y() * e_y + normal.z() * e_d);
-        const double damped = std::max(0.0, stress.sigma + params.damping * press);
-        out.damping_power += area * (damped - stress.sigma) * press;
-        stress.tau += (damped - stress.sigma) * soil.tan_phi * bekker::janosi_mobilised(soil, length_j);
-        stress.sigma = damped;
-      }
-
-      // Shear on the body acts against the displacement of its surface, in the surface's plane.
-      Vec3 shear = Vec3::Zero();
-      const double direction = std::isinf(length_j) ? std::sqrt(j.along * j.along + j.across * j.across) : length_j;
-      if (direction > 0) {
-        const double along = stress.tau * j.along / direction, across = stress.tau * j.across / direction;
-        if (plain) {
-          shear = Vec3(along * cos_t, -across, along * sin_t);
-        } else {
-          const Vec3 tangent = Vec3(-normal.z(), 0.0, normal.x()).normalized();
-          shear = along * tangent - across * normal.cross(tangent);
-        }
-      }
-      const Vec3 arm(x, 0.0, -below);
-      const Vec3 push = -area * stress.sigma * normal, drag = area * shear;
-      out.normal += push;
-      out.normal_moment += arm.cross(push);
-      out.shear += drag;
-      out.shear_moment += arm.cross(drag);
-      out.drive += area * stress.drive;
-      out.drag += area * stress.drag;
-      out.area += area;
-      out.compaction += area * stress.sigma * normal.x();
-      const double back = std::max(ground.springback(soil, sinkage), 1e-12);
-      if (!elastic) out.stored += 0.5 * area * stress.sigma * share * back;
-      out.unload += area * -normal.z() * stress.sigma / back;
-      out.load += area * -normal.z() * soil.n * stress.sigma / sinkage;
-      const double gripped = area * (soil.cohesion + stress.sigma * soil.tan_phi) / soil.shear_modulus;
-      out.slide += gripped;
-      out.stick += gripped - area * std::min(stress.tau / soil.shear_modulus, gripped / area);
-      if (x < s.rear_end[k]) out.rear += area * -normal.z() * stress.sigma;
-      out.max_sinkage = std::max(out.max_sinkage, depth + node.entry - node.raised);
-      out.max_shear = std::max(out.max_shear, length_j);
-      out.loaded = true;
-
-      const bool edge = std::abs(std::abs(yr) - half_width) <= 0.5 * params.spacing;
-      if (params.side_wall == SideWall::hegedus && edge && j.across * yr > 0) {
-        const double wedge = bekker::bulldozing_resistance(soil.cohesion, soil.tan_phi, context.unit_weight, depth + node.entry);
-        out.side -= std::copysign(run * wedge * bekker::janosi_mobilised(soil, std::abs(j.across)), j.across);
-      }
+      point(out, at, x, run);
     }
+  }
+}
+
+namespace {
+
+// Gauss points on [0, 1], and the integrals from 0 to u of the parabolas that are 1 at one of them and 0 at the others.
+constexpr double kGauss3[3] = {0.5 - 0.38729833462074168852, 0.5, 0.5 + 0.38729833462074168852};
+
+struct Parabolas {
+  double cubic[3], square[3], linear[3];
+  constexpr Parabolas() : cubic(), square(), linear() {
+    for (int i = 0; i < 3; ++i) {
+      const double p = kGauss3[(i + 1) % 3], q = kGauss3[(i + 2) % 3], scale = 1.0 / ((kGauss3[i] - p) * (kGauss3[i] - q));
+      cubic[i] = scale / 3.0;
+      square[i] = -0.5 * scale * (p + q);
+      linear[i] = scale * p * q;
+    }
+  }
+};
+constexpr Parabolas kParabolas;
+constexpr double kWhole[3] = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
+
+}  // namespace
+
+// A contact whose strips are all alike, over ground that nothing has touched: the stress is the same function of x
+// everywhere, and is evaluated once for all nodes, in panels about as long as the nodes are apart.
+void NodeSpringTerrain::Roll::lay_panels(const Place& like) const {
+  const ContactArc& arc = s.arcs.front();
+  const double front = arc.radius * arc.sin_f, rear = arc.radius * s.exit_sine.front();
+  const double peak = params.distribution == PressureDistribution::wong_reece ? std::clamp(arc.radius * arc.sin_m, rear, front) : rear;
+  s.panels.clear();
+  const auto lay = [&](double a, double b) {
+    constexpr int fewest = 3;
+    if (!(b - a > 1e-12 * arc.radius)) return;
+    const int count = std::max(fewest, static_cast<int>(std::ceil((b - a) / params.spacing)));
+    for (int i = 0; i < count; ++i) {
+      RollPanel p;
+      p.length = (b - a) / count;
+      p.begin = a + i * p.length;
+      p.end = i + 1 == count ? b : a + (i + 1) * p.length;
+      p.root = b == front && i + 1 == count ? 1 : a == rear && i == 0 ? -1 : 0;
+      for (int q = 0; q < 3; ++q) {
+        const double c = kGauss3[q], share = p.root == 0 ? c : p.root > 0 ? 1.0 - c * c : c * c;
+        point(p.at[q], like, p.begin + p.length * share, p.length * (p.root == 0 ? 1.0 : 2.0 * c));
+      }
+      s.panels.push_back(p);
+    }
+  };
+  lay(rear, peak);
+  lay(peak, front);
+}
+
+void NodeSpringTerrain::Roll::spread(double from, double to, double cover, double yr, RollCell* shown) const {
+  // Few panels: from the one that holds `from` on.
+  auto p = std::partition_point(s.panels.begin(), s.panels.end(), [&](const RollPanel& q) { return q.end <= from; });
+  for (; p != s.panels.end() && p->begin < to; ++p) {
+    double w[3] = {kWhole[0], kWhole[1], kWhole[2]};
+    // Less what lies before `from` and after `to`.
+    const auto less = [&](double x, bool before) {
+      const double c = p->coordinate(x);
+      const bool below = before == (p->root <= 0);  // in the panel's coordinate
+      for (int i = 0; i < 3; ++i) {
+        const double part = c * (kParabolas.linear[i] + c * (kParabolas.square[i] + c * kParabolas.cubic[i]));
+        w[i] -= below ? part : kWhole[i] - part;
+      }
+    };
+    if (from > p->begin) less(from, true);
+    if (to < p->end) less(to, false);
+    const double moment = cover * yr;
+    for (int i = 0; i < 3; ++i) {
+      p->width[i] += cover * w[i];
+      p->moment[i] += moment * w[i];
+    }
+    if (!shown) continue;
+    for (int i = 0; i < 3; ++i) {
+      shown->add(p->at[i], w[i]);
+      shown->loaded = true;
+      shown->max_sinkage = std::max(shown->max_sinkage, p->at[i].max_sinkage);
+      shown->max_shear = std::max(shown->max_shear, p->at[i].max_shear);
+    }
+  }
+}
+
+// Adds what the point x of a node's strip gives for `run` of ground along the travel.
+void NodeSpringTerrain::Roll::point(RollCell& out, const Place& at, double x, double run) const {
+  const ContactArc& arc = s.arcs[at.strip];
+  const double R = arc.radius;
+  const bool spread = params.distribution == PressureDistribution::wong_reece;
+  double sin_t = x / R, cos_t = std::sqrt(1.0 - sin_t * sin_t), theta, below = R * cos_t - lift;
+  Vec3 normal(sin_t, 0.0, -cos_t);  // out of the rim, into the ground
+  if (plain) {
+    theta = std::asin(sin_t);
+  } else {
+    const double y = std::clamp(at.yr, -half_width * (1 - 1e-9), half_width * (1 - 1e-9));
+    const Vec3 origin = x * e_f + y * e_y - 2.0 * s.shape->bounding_radius() * e_d;
+    const Quat to_body = pose.R_WB.conjugate();
+    wheel::RayHit hit;
+    if (!s.shape->ray(to_body * origin, to_body * e_d, hit) || hit.side) return;
+    const Vec3 p = pose.R_WB * hit.p_B, n = pose.R_WB * hit.n_B;
+    below = -p.dot(e_d);
+    normal = Vec3(n.dot(e_f), n.dot(e_y), n.dot(e_d));
+    constexpr double steepest = 1e-3;  // walls are not met by lines that run up along them
+    if (-normal.z() < steepest) return;
+    const double rho = std::sqrt(x * x + (below + lift) * (below + lift));
+    sin_t = x / rho;
+    cos_t = (below + lift) / rho;
+    theta = std::atan2(x, below + lift);
+  }
+  // Depth in this contact, below the ground as it lay, and the depth that sets the pressure.
+  const double depth = below + lift - at.H - at.climb * (x - at.xr) + at.node.raised - at.node.entry;
+  if (depth <= 0) return;
+  // A lug or a crown may lie behind the arc's end, where Eq. 8 has no angle.
+  const double equivalent = spread ? arc.equivalent(std::max(theta, arc.theta_r)) : theta;
+  const bool front = equivalent == theta;
+  const double cos_e = front ? cos_t : std::cos(equivalent);
+  const double z = front ? depth : depth + R * (cos_e - cos_t);
+  if (z <= 0) return;
+  const double sinkage = z + at.node.entry;
+  // The depth whose pressure counts, and what is left of it: on the way down through ground that was pressed before,
+  // and where the node has let go by `gap` since.
+  double share = at.hold, deepest = sinkage + at.gap;
+  if (!elastic && sinkage < at.node.plastic) {
+    share *= z / (at.node.plastic - at.node.entry);
+    deepest = at.node.plastic;
+  }
+
+  ShearPath j;
+  double length_j;
+  if (at.of_node) {
+    j = *at.of_node;
+    length_j = std::sqrt(j.along * j.along + j.across * j.across);
+  } else if (params.shear_history == ShearHistory::rim) {
+    const ShearPath rim = s.shear_trial.at(theta, at.strip, arc);
+    j = rim;
+    length_j = std::sqrt(j.along * j.along + j.across * j.across);
+  } else {
+    const double closed = arc.shear_displacement(theta, sin_t);
+    const double sign = arc.shear_sign(theta, closed);
+    if (std::isinf(closed)) {
+      j = {sign, tan_slip_angle};
+      length_j = std::numeric_limits<double>::infinity();
+    } else {
+      j = {sign * std::abs(closed), R * arc.one_minus_s * (arc.theta_f - theta) * tan_slip_angle};
+      length_j = std::sqrt(j.along * j.along + j.across * j.across);
+    }
+  }
+
+  bekker::LocalSoil soil = ground.soil_;
+  if (ground.field_) ground.field_->at(at.px, at.py, deepest, soil);
+  bekker::Stress stress;
+  if (ground.law_.plain) {
+    stress.sigma = bekker::power_law_pressure(soil, deepest);
+    stress.tau = (soil.cohesion + share * stress.sigma * soil.tan_phi) * bekker::janosi_mobilised(soil, length_j);
+    stress.sigma *= share;
+  } else {
+    bekker::Point point;
+    point.sinkage = deepest;
+    point.depth = depth + at.node.entry;
+    point.theta = theta;
+    point.sin_theta = sin_t;
+    point.cos_theta = cos_t;
+    point.shear_displacement = length_j;
+    const double side = context.forward_velocity * tan_slip_angle, slide = rim_speed - context.forward_velocity * cos_t;
+    point.slide_speed = std::sqrt(slide * slide + side * side);
+    const double sin_e = front ? sin_t : std::sin(equivalent);
+    point.penetration_speed = std::max(0.0, context.forward_velocity * sin_e - twist.v_W.dot(e_d) * cos_e);
+    bekker::Context own = context;
+    own.pass = at.node.passes + 1;
+    stress = bekker::stress_at(soil, ground.law_, own, point);
+    // What lets go of the ground lets go of the wheel: the law's shear is for full pressure.
+    const double full = soil.cohesion + stress.sigma * soil.tan_phi;
+    const double held = soil.cohesion + share * stress.sigma * soil.tan_phi;
+    stress.tau *= full > 0 ? held / full : share;
+    stress.sigma *= share;
+    stress.drive *= share;
+    stress.drag *= share;
+  }
+  if (share <= 0) return;
+  const double area = params.area == NodeArea::arc ? run / -normal.z() : run;
+  const double stiffness = ground.exponent(soil, sinkage) * stress.sigma / sinkage;
+  if (ground.damps()) {
+    const Vec3 v = twist.v_W + twist.w_W.cross(x * e_f + at.yr * e_y - below * e_d);
+    const double press = v.dot(normal.x() * e_f + normal.y() * e_y + normal.z() * e_d);
+    const double damped = std::max(0.0, stress.sigma + (params.damping + params.damping_time * stiffness) * press);
+    out.damping_power += area * (damped - stress.sigma) * press;
+    stress.tau += (damped - stress.sigma) * soil.tan_phi * bekker::janosi_mobilised(soil, length_j);
+    stress.sigma = damped;
+  }
+
+  // Shear on the body acts against the displacement of its surface, in the surface's plane.
+  Vec3 shear = Vec3::Zero();
+  const double direction = std::isinf(length_j) ? std::sqrt(j.along * j.along + j.across * j.across) : length_j;
+  if (direction > 0) {
+    const double along = stress.tau * j.along / direction, across = stress.tau * j.across / direction;
+    if (plain) {
+      shear = Vec3(along * cos_t, -across, along * sin_t);
+    } else {
+      const Vec3 tangent = Vec3(-normal.z(), 0.0, normal.x()).normalized();
+      shear = along * tangent - across * normal.cross(tangent);
+    }
+  }
+  const Vec3 arm(x, 0.0, -below);
+  const Vec3 push = -area * stress.sigma * normal, drag = area * shear;
+  out.normal += push;
+  out.normal_moment += arm.cross(push);
+  out.shear += drag;
+  out.shear_moment += arm.cross(drag);
+  out.drive += area * stress.drive;
+  out.drag += area * stress.drag;
+  out.area += area;
+  out.compaction += area * stress.sigma * normal.x();
+  const double back = std::max(ground.springback(soil, sinkage, s.width), 1e-12);
+  if (!elastic) out.stored += 0.5 * area * stress.sigma * share * back;
+  out.unload += area * -normal.z() * stress.sigma / back;
+  out.load += area * -normal.z() * stiffness;
+  const double gripped = area * (soil.cohesion + stress.sigma * soil.tan_phi) / soil.shear_modulus;
+  out.slide += gripped;
+  out.stick += gripped - area * std::min(stress.tau / soil.shear_modulus, gripped / area);
+  if (x < s.rear_end[at.strip]) out.rear += area * -normal.z() * stress.sigma;
+  out.max_sinkage = std::max(out.max_sinkage, depth + at.node.entry - at.node.raised);
+  out.max_shear = std::max(out.max_shear, length_j);
+  out.loaded = true;
+
+  const bool edge = std::abs(std::abs(at.yr) - half_width) <= 0.5 * params.spacing;
+  if (params.side_wall == SideWall::hegedus && edge && j.across * at.yr > 0) {
+    const double wedge = bekker::bulldozing_resistance(soil.cohesion, soil.tan_phi, context.unit_weight, depth + at.node.entry);
+    out.side -= std::copysign(run * wedge * bekker::janosi_mobilised(soil, std::abs(j.across)), j.across);
   }
 }
 
@@ -516,11 +611,58 @@ void NodeSpringTerrain::Roll::sum(Sums& sums) const {
   static const Node virgin{};
   const bool of_ground = params.shear_history == ShearHistory::ground;
   // Untouched nodes side by side under a wheel that runs along the lattice answer alike: the last answer is kept.
-  const bool may_repeat = plain && level && uniform && !ground.field_ && !of_ground && params.damping == 0 &&
+  const bool may_repeat = plain && level && uniform && (!ground.field_ || ground.field_->same_everywhere()) && !of_ground && !ground.damps() &&
                           params.side_wall == SideWall::none &&
                           (params.shear_history == ShearHistory::closed_form || s.shear_trial.uniform());
   double last_from = 0.0, last_to = 0.0, last_H = std::numeric_limits<double>::quiet_NaN();
-  Cell repeated, own;
+  // Turned, each node covers another part of the same contact.
+  const bool straight = std::abs(e_f.x() * e_f.y()) < 1e-9, upright = std::abs(e_d.x()) + std::abs(e_d.y()) < 1e-9;
+  const bool panels = may_repeat && !straight && upright && !s.arcs.empty() && s.arcs.front().theta_f > 1e-9;
+  RollCell repeated, own;
+  if (panels) {
+    const Place like{virgin, 0, 0.0, 0.0, 0.0, 0.0, lift + pose.p_W.z() - *ground.grid_.level(), 0.0, 1.0, 0.0, nullptr};
+    lay_panels(like);
+    // The deepest place, which no Gauss point meets.
+    const double lowest = std::clamp(0.0, s.arcs.front().radius * s.exit_sine.front(), s.arcs.front().radius * s.arcs.front().sin_f);
+    point(own, like, lowest, 0.0);
+    sums.max_sinkage = std::max(sums.max_sinkage, own.max_sinkage);
+  }
+
+  // Adds a part of the contact: `width` of it [m], and the width times its place across [m2].
+  const auto take = [&](const RollCell& c, double width, double moment, std::size_t strip) {
+    const auto across = [](const Vec3& F) { return Vec3(F.z(), 0.0, -F.x()); };  // e_y x F
+    sums.normal += width * c.normal;
+    sums.normal_moment += width * c.normal_moment + moment * across(c.normal);
+    sums.shear += width * c.shear;
+    sums.shear_moment += width * c.shear_moment + moment * across(c.shear);
+    sums.drive += width * c.drive;
+    sums.drag += width * c.drag;
+    sums.area += width * c.area;
+    sums.compaction += width * c.compaction;
+    sums.stored += width * c.stored;
+    sums.damping_power += width * c.damping_power;
+    sums.unload_stiffness += width * c.unload;
+    sums.load_stiffness += width * c.load;
+    sums.shear_stiffness += width * c.slide;
+    sums.stick_stiffness += width * c.stick;
+    sums.exit_stiffness += width * c.rear * s.rear_share[strip];
+  };
+  const auto show = [&](const RollCell& c, double cover, double from, double to, double yr, double R, int passes) {
+    if (!(c.area > 0)) return;
+    PatchNode shown;
+    shown.area = cover * c.area;
+    const double sigma = c.normal.norm() / c.area;
+    const auto world = [&](const Vec3& v) -> Vec3 { return v.x() * e_f + v.y() * e_y + v.z() * e_d; };
+    shown.n_W = sigma > 0 ? Vec3(world(-c.normal).normalized()) : Vec3(-u);
+    const double x = 0.5 * (from + to);
+    shown.p_W = pose.p_W + x * e_f + yr * e_y - (std::sqrt(R * R - x * x) - lift) * e_d;
+    shown.pressure = sigma;
+    shown.shear_W = world(c.shear) / c.area;
+    shown.sinkage = c.max_sinkage;
+    shown.shear_displacement = c.max_shear;
+    shown.passes = passes;
+    record->push_back(shown);
+  };
 
   const double strip_width = rolling.width / static_cast<double>(s.arcs.size());
   for (int ix = ix0; ix <= ix1; ++ix) {
@@ -553,7 +695,7 @@ void NodeSpringTerrain::Roll::sum(Sums& sums) const {
         const double risen = xr < 0 && xr > s.rear_reach[k] ? R - std::sqrt(R * R - xc * xc) : 0.0;
         const double reached = node.reached - risen;
         if (reached > std::max(centre, node.plastic)) {
-          const double back = ground.springback(ground.soil_at(px, py, reached), reached);
+          const double back = ground.springback(ground.soil_at(px, py, reached), reached, s.width);
           gap = reached - std::max(centre, node.plastic);
           hold = std::max(0.0, 1.0 - (reached - centre) / std::max(back, 1e-12));
         }
@@ -574,15 +716,26 @@ void NodeSpringTerrain::Roll::sum(Sums& sums) const {
       }
 
       const bool untouched = hold == 1.0 && node.entry == 0 && node.plastic == 0 && node.raised == 0 && node.passes == 0;
-      const Cell* c = &repeated;
+      if (panels && untouched) {
+        ++sums.count;
+        RollCell* shown = nullptr;
+        if (record) {
+          own = RollCell{};
+          shown = &own;
+        }
+        spread(from, to, cover, yr, shown);
+        if (shown) show(*shown, cover, from, to, yr, R, node.passes);
+        continue;
+      }
+      const RollCell* c = &repeated;
       if (!(may_repeat && untouched && from == last_from && to == last_to && H == last_H)) {
         double climb = 0.0;  // of the undisturbed surface along e_f, downwards from the frame's plane
         if (!level) {
           climb = -((base.gx * e_f.x() + base.gy * e_f.y()) * e_d.z() + e_f.x() * e_d.x() + e_f.y() * e_d.y());
         }
-        Cell& fresh = may_repeat && untouched ? repeated : own;
-        fresh = Cell{};
-        cell(fresh, node, k, px, py, xr, yr, H, climb, from, to, hold, gap, of_ground ? &of_node : nullptr);
+        RollCell& fresh = may_repeat && untouched ? repeated : own;
+        fresh = RollCell{};
+        cell(fresh, {node, k, px, py, xr, yr, H, climb, hold, gap, of_ground ? &of_node : nullptr}, from, to);
         if (&fresh == &repeated) {
           last_from = from;
           last_to = to;
@@ -592,47 +745,20 @@ void NodeSpringTerrain::Roll::sum(Sums& sums) const {
       }
       if (!c->loaded) continue;
       ++sums.count;
-      // Moments of the cell's own middle; yr e_y x F adds its place across the width.
-      const auto across = [&](const Vec3& F) { return Vec3(yr * F.z(), 0.0, -yr * F.x()); };
-      sums.normal += cover * c->normal;
-      sums.normal_moment += cover * (c->normal_moment + across(c->normal));
-      sums.shear += cover * c->shear;
-      sums.shear_moment += cover * (c->shear_moment + across(c->shear));
+      take(*c, cover, cover * yr, k);
       if (c->side != 0) {
         // The side wall stands at the edge; its wedge acts at a third of the height.
         const Vec3 side(0.0, c->side, 0.0), arm(xr, yr, -(H - lift) - 2.0 / 3.0 * c->max_sinkage);
         sums.normal += side;
         sums.normal_moment += arm.cross(side);
       }
-      sums.drive += cover * c->drive;
-      sums.drag += cover * c->drag;
-      sums.area += cover * c->area;
-      sums.compaction += cover * c->compaction;
-      sums.stored += cover * c->stored;
-      sums.damping_power += cover * c->damping_power;
-      sums.unload_stiffness += cover * c->unload;
-      sums.load_stiffness += cover * c->load;
-      sums.shear_stiffness += cover * c->slide;
-      sums.stick_stiffness += cover * c->stick;
-      sums.exit_stiffness += cover * c->rear * s.rear_share[k];
       sums.max_sinkage = std::max(sums.max_sinkage, c->max_sinkage);
-      if (record && c->area > 0) {
-        PatchNode shown;
-        shown.area = cover * c->area;
-        const double sigma = c->normal.norm() / c->area;
-        const auto world = [&](const Vec3& v) -> Vec3 { return v.x() * e_f + v.y() * e_y + v.z() * e_d; };
-        shown.n_W = sigma > 0 ? Vec3(world(-c->normal).normalized()) : Vec3(-u);
-        const double x = 0.5 * (from + to);
-        shown.p_W = pose.p_W + x * e_f + yr * e_y - (std::sqrt(R * R - x * x) - lift) * e_d;
-        shown.pressure = sigma;
-        shown.shear_W = world(c->shear) / c->area;
-        shown.sinkage = c->max_sinkage;
-        shown.shear_displacement = c->max_shear;
-        shown.passes = node.passes;
-        record->push_back(shown);
-      }
+      if (record) show(*c, cover, from, to, yr, R, node.passes);
     }
   }
+  if (panels)
+    for (const RollPanel& p : s.panels)
+      for (int q = 0; q < 3; ++q) take(p.at[q], p.width[q], p.moment[q], 0);
 }
 
 ContactResult NodeSpringTerrain::Roll::result(const Sums& sums) const {
@@ -675,7 +801,8 @@ ContactResult NodeSpringTerrain::Roll::result(const Sums& sums) const {
   r.grip_W = arm;
   r.stick_stiffness = sums.stick_stiffness;
   if (!elastic) r.release_stiffness = sums.load_stiffness + held_fast * sums.unload_stiffness + exit_gain * sums.exit_stiffness;
-  if (params.damping > 0) r.damping.topLeftCorner<3, 3>() = params.damping * sums.area * (u * u.transpose());
+  if (ground.damps())
+    r.damping.topLeftCorner<3, 3>() = (params.damping * sums.area + params.damping_time * sums.load_stiffness) * (u * u.transpose());
   trial.touching = sums.count > 0;
   trial.load = r.wrench.F_W.dot(u);
   trial.stored = sums.stored;

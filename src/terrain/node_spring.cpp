@@ -26,6 +26,7 @@ Problems NodeSpringParams::validate() const {
             "a stiffness above 0 for elastic-plastic unloading");
   require(p, "travel_length", travel_length, "m", travel_length >= 0, "0 or more");
   require(p, "damping", damping, "Pa s/m", damping >= 0, "0 or more");
+  require(p, "damping_time", damping_time, "s", damping_time >= 0, "0 or more");
   require(p, "heap_fraction", heap_fraction, "-", heap_fraction >= 0 && heap_fraction <= 1, "a fraction from 0 to 1");
   require(p, "repose_angle", repose_angle, "rad", repose_angle >= 0 && repose_angle < 0.5 * std::numbers::pi,
           "an angle from 0 to below pi/2");
@@ -33,8 +34,10 @@ Problems NodeSpringParams::validate() const {
 }
 
 NodeSpringTerrain::NodeSpringTerrain(const NodeSpringParams& params, bekker::PointLaw law,
-                                     std::shared_ptr<const Surface> surface, std::shared_ptr<const SoilField> field)
+                                     std::shared_ptr<const Surface> surface, std::shared_ptr<const SoilField> field,
+                                     std::shared_ptr<const void> owner)
     : params_(params),
+      owner_(std::move(owner)),
       law_(law),
       soil_(params.soil),
       field_(std::move(field)),
@@ -48,7 +51,11 @@ BodyId NodeSpringTerrain::add_body(std::shared_ptr<const wheel::Body> shape) {
   auto s = std::make_unique<BodyState>();
   const double across = 2 * shape->bounding_radius() / params_.spacing + 4;
   if (across > 5000) throw InputError("node-spring ground: the node spacing is too fine for this body");
+  // The smaller dimension of what lies flattest.
+  const auto extent = [&](const Vec3& d) { return shape->support(d).dot(d) - shape->support(-d).dot(d); };
+  s->width = std::min(extent(Vec3::UnitX()), extent(Vec3::UnitY()));
   if (const wheel::Rolling* rolling = shape->rolling()) {
+    s->width = rolling->width;
     s->wheel = dynamic_cast<const wheel::Wheel*>(shape.get());
     const int strips = std::max(1, static_cast<int>(std::ceil(rolling->width / params_.spacing - 1e-9)));
     for (int k = 0; k < strips; ++k) s->offsets.push_back(rolling->width * ((k + 0.5) / strips - 0.5));
@@ -59,6 +66,7 @@ BodyId NodeSpringTerrain::add_body(std::shared_ptr<const wheel::Body> shape) {
     s->rear_reach.reserve(s->offsets.size());
     s->rear_end.reserve(s->offsets.size());
     s->rear_share.reserve(s->offsets.size());
+    s->panels.reserve(static_cast<std::size_t>(across) + 8);
     s->shear = s->shear_trial = RimShear(strips);
   }
   s->touches.reserve(static_cast<std::size_t>(across * across));
@@ -121,11 +129,11 @@ ContactResult NodeSpringTerrain::evaluate(BodyState& s, const Pose& pose, const 
   return press(s, pose, twist, record);
 }
 
-void NodeSpringTerrain::leave(NodeIndex index, Node& node) const {
+void NodeSpringTerrain::leave(const BodyState& s, NodeIndex index, Node& node) const {
   if (params_.unloading != Unloading::elastic) {
     node.plastic = std::max(node.plastic, node.reached);
     const auto soil = soil_at(index.ix * params_.spacing, index.iy * params_.spacing, node.plastic);
-    node.entry = std::max(0.0, node.plastic - springback(soil, node.plastic));
+    node.entry = std::max(0.0, node.plastic - springback(soil, node.plastic, s.width));
   }
   ++node.passes;
   node.body = -1;
@@ -151,7 +159,7 @@ void NodeSpringTerrain::commit(BodyState& s) {
   for (const NodeIndex& i : s.contact) {
     Node& node = grid_.touch(i);
     if (node.stamp == step_ || node.body != s.id) continue;
-    leave(i, node);
+    leave(s, i, node);
     if (ix1 < ix0) {
       ix0 = ix1 = i.ix;
       iy0 = iy1 = i.iy;

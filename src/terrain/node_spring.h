@@ -63,6 +63,7 @@ struct NodeSpringParams {
   double unloading_au = 0.0;          // [Pa/m2] A_u
   double travel_length = 0.0;         // [m] of the bin or the run, for effects near its ends; 0: unknown
   double damping = 0.0;               // [Pa s/m] dashpot along the surface normal; pressure never falls below 0
+  double damping_time = 0.0;          // [s] a dashpot in proportion to the ground's stiffness there (Rayleigh's beta)
   double heap_fraction = 0.0;         // [-] of the soil pushed down that is heaped around the contact; 0: none
   double repose_angle = 0.0;          // [rad] slope to which heaps and rut walls fall; 0: they stand at any slope
 
@@ -73,10 +74,10 @@ class NodeSpringTerrain final : public Terrain {
  public:
   // `law` names the laws and effects in force (null: k (z/b)^n and Janosi-Hanamoto); what it points to must outlive the
   // ground. `surface` is the ground before anything touched it (null: level at 0), `field` how its soil varies (null:
-  // params.soil everywhere). Throws InputError with every problem of the parameters.
+  // params.soil everywhere), `owner` keeps alive what `law` points to. Throws InputError with every problem of the parameters.
   explicit NodeSpringTerrain(const NodeSpringParams& params, bekker::PointLaw law = {},
                              std::shared_ptr<const Surface> surface = nullptr,
-                             std::shared_ptr<const SoilField> field = nullptr);
+                             std::shared_ptr<const SoilField> field = nullptr, std::shared_ptr<const void> owner = nullptr);
   ~NodeSpringTerrain() override;
 
   BodyId add_body(std::shared_ptr<const wheel::Body> shape) override;
@@ -109,7 +110,7 @@ class NodeSpringTerrain final : public Terrain {
   bool roll(BodyState& s, const Pose& pose, const Twist& twist, std::vector<PatchNode>* record, ContactResult& out) const;
   ContactResult press(BodyState& s, const Pose& pose, const Twist& twist, std::vector<PatchNode>* record) const;
   void commit(BodyState& s);
-  void leave(NodeIndex index, Node& node) const;
+  void leave(const BodyState& s, NodeIndex index, Node& node) const;
   void heap(const BodyState& s, double volume);
   void settle(int ix0, int iy0, int ix1, int iy1);
   bekker::LocalSoil soil_at(double x, double y, double depth) const {
@@ -118,16 +119,33 @@ class NodeSpringTerrain final : public Terrain {
     return soil;
   }
   // How far ground springs back that was pressed to `plastic` [m]. Shallow ruts spring back by half their depth at most,
-  // so that the surface never rises to where it was.
-  double springback(const bekker::LocalSoil& soil, double plastic) const {
+  // so that the surface never rises to where it was. `width` is the body's.
+  double springback(const bekker::LocalSoil& soil, double plastic, double width) const {
     if (plastic <= 0) return 0.0;
     if (params_.unloading != Unloading::elastic_plastic) return plastic < 2 * params_.springback ? 0.5 * plastic : params_.springback;
-    const double p = bekker::power_law_pressure(soil, plastic);
+    const double p = full_pressure(soil, plastic, width);
     const double rebound = p / (params_.unloading_k0 + params_.unloading_au * plastic);
     return rebound < plastic ? rebound : plastic;
   }
+  // Of ground pressed to depth z for the first time, by the law of pressure in force [Pa].
+  double full_pressure(const bekker::LocalSoil& soil, double z, double width) const {
+    if (!law_.pressure_law) return bekker::power_law_pressure(soil, z);
+    bekker::Context context;
+    context.width = width;
+    context.unit_weight = soil.unit_weight;
+    return law_.pressure_law->pressure(soil, context, z);
+  }
+  // d(ln pressure)/d(ln z) [-].
+  double exponent(const bekker::LocalSoil& soil, double z) const {
+    if (!law_.pressure_law || !(z > 0)) return soil.n;
+    constexpr double step = 1e-4;  // of z
+    const double p = full_pressure(soil, z, 1.0);  // the width cancels
+    return p > 0 ? (full_pressure(soil, z * (1 + step), 1.0) - full_pressure(soil, z * (1 - step), 1.0)) / (2 * step * p) : 1.0;
+  }
+  bool damps() const { return params_.damping > 0 || params_.damping_time > 0; }
 
   NodeSpringParams params_;
+  std::shared_ptr<const void> owner_;
   bekker::PreparedLaw law_;
   bekker::LocalSoil soil_;
   std::shared_ptr<const SoilField> field_;

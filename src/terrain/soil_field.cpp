@@ -1,5 +1,7 @@
 #include "terrain/soil_field.h"
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 #include <string>
 
@@ -58,6 +60,40 @@ LayeredSoil::LayeredSoil(std::vector<SoilLayer> layers) {
     top = e.bottom;
     entries_.push_back(e);
   }
+}
+
+bool SoilFields::same_everywhere() const {
+  return std::all_of(fields_.begin(), fields_.end(), [](const auto& field) { return field->same_everywhere(); });
+}
+
+SoilBlend::SoilBlend(std::shared_ptr<const Surface> share, const bekker::Soil& soil) : share_(std::move(share)) {
+  Problems problems;
+  if (!share_) problems.push_back({{}, 0, 0, "share", "is missing", "a surface"});
+  add(problems, soil.validate(), "soil.");
+  throw_if_any(problems);
+  other_ = bekker::LocalSoil(soil);
+}
+
+void SoilBlend::at(double x, double y, double, bekker::LocalSoil& soil) const {
+  const double w = std::clamp(share_->height(x, y), 0.0, 1.0);
+  if (w == 0.0) return;
+  if (w == 1.0) {
+    soil = other_;
+    return;
+  }
+  const auto mix = [w](double& a, double b) { a += w * (b - a); };
+  mix(soil.k, other_.k * std::pow(soil.plate_width / other_.plate_width, other_.n));
+  mix(soil.n, other_.n);
+  mix(soil.cohesion, other_.cohesion);
+  mix(soil.tan_phi, other_.tan_phi);
+  mix(soil.shear_modulus, other_.shear_modulus);
+  mix(soil.unit_weight, other_.unit_weight);
+}
+
+std::vector<double> LayeredSoil::boundaries() const {
+  std::vector<double> out;
+  for (std::size_t i = 0; i + 1 < entries_.size(); ++i) out.push_back(entries_[i].bottom);
+  return out;
 }
 
 double LayeredSoil::pressure(double depth) const {

@@ -215,10 +215,14 @@ void Rig::advance(const char* phase) {
   contact_stiffness_ = c.result.stiffness(2, 2);
   release_stiffness_ = c.result.release_stiffness;
 
-  drive_work_ += 0.5 * h *
-                 ((r.rail.effort() - applied_pull_ + r.mass() * g.x()) * (v0 + v1) +
-                  (r.load_force + lifted_mass(spec_) * g.z()) * (vz0 + vz1) +
-                  r.axle.effort() * (relative0 + r.axle.rate()) + r.lift.effort() * (lift0 + r.lift.rate()));
+  const double axle = 0.5 * h * r.axle.effort() * (relative0 + r.axle.rate());
+  const double rail = 0.5 * h * (r.rail.effort() - applied_pull_) * (v0 + v1);
+  axle_work_ += axle;
+  rail_work_ += rail;
+  drive_work_ += axle + rail +
+                 0.5 * h *
+                     (r.mass() * g.x() * (v0 + v1) + (r.load_force + lifted_mass(spec_) * g.z()) * (vz0 + vz1) +
+                      r.lift.effort() * (lift0 + r.lift.rate()));
   check_buried(phase);
 }
 
@@ -301,6 +305,8 @@ RigEnergy Rig::energy() const {
   const GroundContact& c = simulation_->contacts().front();
   RigEnergy e;
   e.drive = drive_work_;
+  e.axle = axle_work_;
+  e.rail = rail_work_;
   e.kinetic = parts_->kinetic() - start_kinetic_;
   e.ground = c.work;
   e.stored = c.result.stored_energy;
@@ -431,11 +437,11 @@ RigState Rig::snapshot() const {
   return {simulation_->snapshot(),
           {static_cast<double>(phase_), ended_ ? 1.0 : 0.0, start_time_, start_position_, start_angle_,
            static_cast<double>(steps_), applied_pull_, drive_work_, start_kinetic_, carried_, contact_stiffness_,
-           let_go_, still_, last_.sinkage, release_stiffness_, missing_, servo_share_}};
+           let_go_, still_, last_.sinkage, release_stiffness_, missing_, servo_share_, axle_work_, rail_work_}};
 }
 
 void Rig::restore(const RigState& state) {
-  if (state.numbers.size() != 17 || !(state.numbers[0] >= 0.0 && state.numbers[0] <= 2.0) ||
+  if (state.numbers.size() != 19 || !(state.numbers[0] >= 0.0 && state.numbers[0] <= 2.0) ||
       !(state.numbers[5] >= 0.0 && state.numbers[5] < 1e15) ||
       !std::all_of(state.numbers.begin(), state.numbers.end(), [](double x) { return std::abs(x) < 1e30; }))
     throw InputError(Problem{{}, 0, 0, "snapshot", "is not of a rig", {}});
@@ -458,6 +464,8 @@ void Rig::restore(const RigState& state) {
   release_stiffness_ = s[14];
   missing_ = s[15];
   servo_share_ = s[16];
+  axle_work_ = s[17];
+  rail_work_ = s[18];
 }
 
 }  // namespace terrode::vehicle

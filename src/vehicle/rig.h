@@ -14,6 +14,7 @@
 // `sample_interval`, stamped with the mean of its steps' beginnings.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -92,12 +93,22 @@ struct RigSample {
 // Energy since touchdown began [J]; closed when residual() is small against `drive`.
 struct RigEnergy {
   double drive = 0.0;                                             // work of motors, load and gravity on the machine
+  double axle = 0.0, rail = 0.0;                                  // of it what the axle's motor did, and the carriage's drive or pull
   double kinetic = 0.0;                                           // gain of kinetic energy
   double ground = 0.0;                                            // work done on the ground
   double stored = 0.0, plastic = 0.0, slip = 0.0, damping = 0.0;  // where the ground says it went
   double numerical = 0.0;                                         // what the step's implicit part took
   double machine_residual() const { return drive - kinetic - ground; }
   double ground_residual() const { return ground - stored - plastic - slip - damping - numerical; }
+  // What motor, carriage, load and gravity gave, each by its net work, and what they took with what moves now.
+  double work_in() const { return std::max(axle, 0.0) + std::max(rail, 0.0) + std::max(drive - axle - rail, 0.0); }
+  double work_out() const { return work_in() - drive + kinetic; }
+  // What is left of work_in() after everything it went to, over it: 0 where the books close. The work comes from the
+  // joints' multipliers, where it went from the ground: nothing makes them agree but the equations of motion.
+  double audit() const {
+    const double in = work_in();
+    return in > 0.0 ? (machine_residual() + ground_residual()) / in : 0.0;
+  }
 };
 
 struct RigState {
@@ -180,7 +191,7 @@ class Rig {
   double start_time_ = 0.0, start_position_ = 0.0, start_angle_ = 0.0;
   std::uint64_t steps_ = 0;  // since time zero
   double applied_pull_ = 0.0;
-  double drive_work_ = 0.0;
+  double drive_work_ = 0.0, axle_work_ = 0.0, rail_work_ = 0.0;
   double start_kinetic_ = 0.0;
   double earlier_seconds_ = 0.0;
   RigSample last_;

@@ -132,13 +132,15 @@ std::vector<recording::Condition> conditions_at(const std::vector<double>& slips
 
 SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& soil, const bekker::ContactAngles& angles,
                           const effects::EffectSet& effects, const bekker::PointLaw& law,
-                          const bekker::SteadyOptions& options, double travel) {
+                          const bekker::SteadyOptions& options, double travel, std::shared_ptr<const void> owner) {
   struct Model {
+    std::shared_ptr<const void> owner;
     effects::EffectSet effects;
     std::vector<const bekker::StressModifier*> modifiers;
     std::optional<bekker::SteadyWheel> wheel;
   };
   const auto model = std::make_shared<Model>();
+  model->owner = std::move(owner);
   model->effects = effects;
   model->modifiers.assign(law.modifiers.begin(), law.modifiers.end());
   for (const bekker::StressModifier* m : model->effects.modifiers()) model->modifiers.push_back(m);
@@ -219,6 +221,7 @@ SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMo
     if (c.forward_velocity) m.forward_velocity = c.forward_velocity;
     if (std::isinf(c.slip) && c.slip < 0.0) m.angular_velocity = 0.0;
     std::unique_ptr<terrain::Terrain> bed = ground(c);
+    const bool audited = bed->sampling() == terrain::Sampling::point_value;  // grains keep no such books
     PointResult out;
     std::shared_ptr<const recording::Checkpoint> from = resume;
     if (!from && memory.load) from = memory.load(c);
@@ -248,6 +251,7 @@ SweepMethod rig_method(const std::string& name, const RigSpec& spec, const RigMo
         });
       out.run = rig.run(share);
       out.events = rig.events();
+      if (audited) out.energy = rig.energy();
       out.simulated_seconds = rig.earlier_seconds() + rig.simulated_seconds();
       bed = rig.release_ground();
     }

@@ -24,6 +24,7 @@ namespace terrode::vehicle {
 struct PointResult {
   recording::Run run;
   std::vector<std::string> events;    // what the run has to say, e.g. why it ended early
+  std::optional<RigEnergy> energy;    // books of a rig's run, its last pass, touchdown included
   double simulated_seconds = 0.0;     // touchdown included; 0 for a method without time
   std::optional<double> cpu_seconds;  // where the method uses threads of its own; absent: measured by the sweep
 };
@@ -68,10 +69,12 @@ std::vector<recording::Condition> conditions_at(const std::vector<double>& slips
 
 // The steady wheel as a method named `steady`. Steady values: drawbar_pull, driving_torque, sinkage, normal_load,
 // entry_angle, peak_angle, compaction_resistance. `effects` act on soil, wheel, bed and instruments; what varies along
-// the bed or in time is taken half way along `travel` [m]. What else `law` points to must outlive the method.
+// the bed or in time is taken half way along `travel` [m]. What else `law` points to must outlive the method, or
+// `owner` keeps it alive.
 SweepMethod steady_method(const bekker::WheelSize& wheel, const bekker::Soil& soil, const bekker::ContactAngles& angles,
                           const effects::EffectSet& effects = {}, const bekker::PointLaw& law = {},
-                          const bekker::SteadyOptions& options = {}, double travel = 0.0);
+                          const bekker::SteadyOptions& options = {}, double travel = 0.0,
+                          std::shared_ptr<const void> owner = nullptr);
 
 // What the laboratory would have recorded of a rig's samples: the believed slip, then what instruments make of it.
 // `condition` is what was asked for, `wheel_load` [N] the rig's own where that names none.

@@ -161,7 +161,8 @@ void Vehicle::build() {
   for (const BodySpec& b : spec_.bodies)
     if (b.touches_ground) {
       bellies_.push_back(b.name);
-      simulation_->add(*bodies_.at(b.name), wheel::make_box(b.size.x(), b.size.y(), b.size.z()));
+      simulation_->add(*bodies_.at(b.name), b.pieces.empty() ? wheel::make_box(b.size.x(), b.size.y(), b.size.z())
+                                                             : std::make_shared<const wheel::ConvexPieces>(b.pieces));
     }
   for (const SensorSpec& s : spec_.sensors) {
     Sensor out;

@@ -40,6 +40,8 @@ struct BodySpec {
   Vec3 size = Vec3(0.1, 0.1, 0.1);  // m
   std::optional<Mat3> inertia;      // kg m2 about the centre of mass, machine axes
   bool touches_ground = false;      // its box presses on the ground too: a belly that hangs up
+  // What presses on the ground in place of the box: convex hulls of points about the centre of mass [m] (a foot, a plough).
+  std::vector<std::vector<Vec3>> pieces = {};
 };
 
 struct SpringSpec {

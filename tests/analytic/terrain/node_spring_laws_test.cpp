@@ -498,6 +498,34 @@ TEST(Convergence, IsOfSecondOrderInTimeUnderASmoothMotion) {
   EXPECT_LT(std::abs(fine.F_W.x() - best.F_W.x()), 1e-4 * best.F_W.z());
 }
 
+TEST(Convergence, OfTheExitAngleUnderASinkageThatGrows) {
+  // A wheel that sinks while it rolls, smoothly and ever slower: the exit angle follows its path.
+  const auto at_end = [](int n) {
+    NodeSpringTerrain ground{NodeSpringParams{}};
+    const auto id = ground.add_body(smooth_wheel());
+    const double T = 1.6, h = T / n;
+    ContactResult r;
+    for (int i = 0; i <= n; ++i) {
+      const double t = i * h, left = std::exp(-t);
+      Pose pose;
+      pose.p_W = Vec3(0.03 * t, 0, kRadius - 0.009 + 0.004 * left);
+      pose.R_WB = Eigen::AngleAxisd(0.33 * t, Vec3::UnitY());
+      Twist twist;
+      twist.v_W = Vec3(0.03, 0, -0.004 * left);
+      twist.w_W = Vec3(0, 0.33, 0);
+      ground.begin_step(t, h);
+      r = ground.wrench(id, pose, twist);
+      ground.end_step();
+    }
+    return r.wrench;
+  };
+  const Wrench best = at_end(12800), coarse = at_end(100), fine = at_end(400);
+  const double order = 0.5 * std::log2(std::abs(coarse.F_W.z() - best.F_W.z()) / std::abs(fine.F_W.z() - best.F_W.z()));
+  std::printf("order of the load in the time step: %.2f (errors %.2g and %.2g of it)\n", order,
+              std::abs(coarse.F_W.z() / best.F_W.z() - 1), std::abs(fine.F_W.z() / best.F_W.z() - 1));
+  EXPECT_GT(order, 1.5);
+}
+
 TEST(Threads, GroundsInTwoThreadsAnswerAsInOne) {
   const auto run = [](double slip) {
     NodeSpringTerrain ground{NodeSpringParams{}};

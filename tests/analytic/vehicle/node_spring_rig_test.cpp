@@ -97,6 +97,42 @@ TEST(NodeSpringRig, BooksOfEnergyClose) {
   }
 }
 
+TEST(NodeSpringRig, PlasticWorkIsThatOfTheRut) {
+  // Where pressure is that of depth alone, the work of the normal stress is what it takes to press the rut, node by node:
+  // the integral of p dz over its area. The books come from forces and speeds, this from what the ground remembers.
+  terrain::NodeSpringParams params = coarse();
+  params.spacing = 0.005;
+  params.distribution = terrain::PressureDistribution::sinkage;
+  constexpr double odd = 0.155;  // m: the rim covers whole cells
+  RigMotion motion;
+  motion.slip = 0.3;
+  motion.angular_velocity = omega;
+  motion.duration = 8.0;
+  auto ground = std::make_unique<terrain::NodeSpringTerrain>(params);
+  const terrain::NodeSpringTerrain* nodes = ground.get();
+  Rig rig(RigSpec{}, motion, std::make_shared<wheel::Wheel>(wheel::WheelShape{radius, odd, 0.0, {}}), std::move(ground));
+  rig.touch_down();
+  const auto pressed = [&] {
+    double work = 0.0;
+    for (const terrain::Tile* tile : nodes->grid().sorted_tiles())
+      for (const terrain::Node& n : tile->nodes) {
+        const double z = std::max(n.plastic, n.reached);
+        if (z > 0) work += params.spacing * params.spacing * params.soil.k * z / (params.soil.n + 1) * std::pow(z / params.soil.plate_width, params.soil.n);
+      }
+    return work;
+  };
+  while (rig.last().time < 3.0) rig.step();
+  const RigEnergy before = rig.energy();
+  const double rut = pressed();
+  while (!rig.finished()) rig.step();
+  const RigEnergy after = rig.energy();
+  const double booked = after.plastic + after.stored - before.plastic - before.stored;
+  constexpr double close = 0.01;
+  EXPECT_NEAR(booked, pressed() - rut, close * booked);
+  EXPECT_LT(std::abs(after.audit()), 1e-3);
+  EXPECT_GT(after.work_in(), after.plastic);
+}
+
 TEST(NodeSpringRig, LongStepsOnStiffReleaseGainNoEnergy) {
   // A car's wheel: h^2 K/m of the release is 3 at 2e-3 s, three times what an explicit step bears.
   RigSpec spec;

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -51,6 +52,41 @@ TEST(Converge, RefusesWhatItCannotRefine) {
   EXPECT_EQ(grains.status, 2);
   EXPECT_NE(grains.text.find("time_step, coupling, domain, particles"), std::string::npos) << grains.text;
   EXPECT_EQ(run(kScenario + " --over domain --method steady").status, 2);
+  EXPECT_EQ(run(kScenario + " --over domain --against steady").status, 2);
+  EXPECT_EQ(run(kScenario + " --over domain --slip 0.1,0.2").status, 2);
+}
+
+TEST(Converge, CountsTheNodes) {
+  const Output out = run(kScenario + " --over node_spacing --slip 0.3 --from 0.02 --levels 3 --json --quiet");
+  ASSERT_EQ(out.status, 0) << out.text;
+  const auto levels = nlohmann::json::parse(out.text)["levels"];
+  const double coarse = levels[0]["nodes"], fine = levels[1]["nodes"];
+  EXPECT_GT(coarse, 10.0);
+  EXPECT_GT(fine, 2.5 * coarse);  // four times, but for the edges
+}
+
+TEST(Converge, AgainstTheSteadyWheelIsWithinAPercentAndSaysWhyWhereNot) {
+  const Output out = run(kScenario + " --against steady --slip 0.1,0.3,-0.3 --node-spacing 5e-3 --travel 0.5 --json --quiet");
+  ASSERT_EQ(out.status, 0) << out.text;
+  const auto points = nlohmann::json::parse(out.text)["points"];
+  ASSERT_EQ(points.size(), 3u);
+  for (const int i : {0, 1}) {
+    EXPECT_TRUE(points[i]["within"].get<bool>()) << out.text;
+    EXPECT_LT(std::abs(points[i]["sinkage"]["off"].get<double>()), 0.01);
+    EXPECT_NE(points[i]["drawbar_pull"]["off"].get<double>(), 0.0);
+  }
+  EXPECT_FALSE(points[2]["within"].get<bool>());
+  EXPECT_NE(points[2].value("why", "").find("braking"), std::string::npos) << out.text;
+}
+
+TEST(Converge, ARampOfPullDrawsTheCurveOfTheSweepAndIsSetDownGently) {
+  const std::string soft = std::string(TERRODE_SOURCE_DIR) + "/scenarios/mms_table8.yaml";
+  const Output out = run(soft + " --against pull_ramp --slip 0.1,0.2,0.3,0.4 --node-spacing 0.01 --json --quiet");
+  ASSERT_EQ(out.status, 0) << out.text;
+  const auto json = nlohmann::json::parse(out.text);
+  EXPECT_EQ(json["compared"].get<int>(), 4) << out.text;
+  EXPECT_LT(json["largest_difference"].get<double>(), 0.02) << out.text;  // of the load
+  EXPECT_LT(json["touchdown_jolt"].get<double>(), 0.1) << out.text;
 }
 
 }  // namespace

@@ -86,7 +86,7 @@ script:
   EXPECT_EQ(d.duration, 5.0);
   EXPECT_LT(d.options.gravity.x(), 0.0);
   EXPECT_EQ(d.base.terrain.node_spacing, 0.01);
-  ASSERT_NE(d.surface, nullptr);
+  ASSERT_NE(d.base.surface, nullptr);
 }
 
 TEST(VehicleFile, DriveRunsFromItsFile) {
@@ -115,13 +115,14 @@ mobility_margin: {every: 2 s}
 script: [{duration: 1, speed: 0.1}]
 )"),
                                       "drive.yaml");
-  ASSERT_NE(d.surface, nullptr);
-  EXPECT_NEAR(d.surface->height(0.5, 0.0), 0.5 * std::tan(0.1), 1e-12);
-  EXPECT_NEAR(d.surface->height(1.005, 0.0), 1.005 * std::tan(0.1) + 0.025, 1e-12);
-  EXPECT_NEAR(d.surface->gradient(1.005, 0.0).x(), std::tan(0.1) + 5.0, 1e-9);
-  ASSERT_EQ(d.soil_map.size(), 1u);
-  EXPECT_EQ(d.soil_map[0].soil.k, 1e5);
-  EXPECT_EQ(d.soil_map[0].soil.n, 1.387);  // the rest is that of the scenario
+  ASSERT_NE(d.base.surface, nullptr);
+  EXPECT_NEAR(d.base.surface->height(0.5, 0.0), 0.5 * std::tan(0.1), 1e-12);
+  EXPECT_NEAR(d.base.surface->height(1.005, 0.0), 1.005 * std::tan(0.1) + 0.025, 1e-12);
+  EXPECT_NEAR(d.base.surface->gradient(1.005, 0.0).x(), std::tan(0.1) + 5.0, 1e-9);
+  ASSERT_EQ(d.base.soil_map.size(), 1u);
+  const bekker::Soil patch = d.base.bekker_soil(d.base.soil_map[0].soil, "");
+  EXPECT_EQ(patch.k, 1e5);
+  EXPECT_EQ(patch.n, 1.387);  // the rest is that of the scenario
   EXPECT_DOUBLE_EQ(d.options.gravity.z(), -1.62);
   EXPECT_EQ(d.options.rocks.size(), 6u);
   EXPECT_EQ(d.options.margin_interval, 2.0);

@@ -4,7 +4,9 @@
 
 #include <limits>
 
+#include "bekker/pressure_laws.h"
 #include "terrain/rigid.h"
+#include "wheel/convex.h"
 #include "wheel/wheel.h"
 
 namespace terrode {
@@ -62,6 +64,106 @@ TEST(NodeSpring, WrenchIsTheSumOfItsNodes) {
   for (const auto& node : patch) sum += node.area * (node.shear_W - node.pressure * node.n_W);
   constexpr double curvature = 1e-3;
   EXPECT_NEAR((sum - r.wrench.F_W).norm(), 0.0, curvature * r.wrench.F_W.norm());
+}
+
+// A wheel that runs across the lattice, and one step's answer.
+struct Turned {
+  explicit Turned(double spacing, std::shared_ptr<const terrain::SoilField> field = nullptr) {
+    NodeSpringParams params;
+    params.spacing = spacing;
+    ground = std::make_unique<NodeSpringTerrain>(params, bekker::PointLaw{}, nullptr, std::move(field));
+    id = ground->add_body(paper_wheel());
+  }
+  ContactResult step(int i) {
+    constexpr double yaw = 0.3;
+    const Quat turn(Eigen::AngleAxisd(yaw, Vec3::UnitZ()));
+    Pose pose = pose_at(i * kStep);
+    pose.p_W = turn * pose.p_W;
+    pose.R_WB = turn * pose.R_WB;
+    const Twist along{turn * twist().v_W, turn * twist().w_W};
+    ground->begin_step(i * kStep, kStep);
+    const ContactResult r = ground->wrench(id, pose, along);
+    patch = ground->patch(id);
+    ground->end_step();
+    return r;
+  }
+  std::unique_ptr<NodeSpringTerrain> ground;
+  BodyId id = 0;
+  std::vector<terrain::PatchNode> patch;
+};
+
+TEST(NodeSpring, TurnedContactSharedByItsNodesIsThatNodeByNode) {
+  // Soil that a field gives point by point is evaluated node by node; the same soil without a field once for all.
+  const auto same = std::make_shared<terrain::FunctionSoil>([](double, double) { return bekker::Soil{}; });
+  for (const double spacing : {0.01, 0.005, 1.0 / 300}) {
+    Turned shared(spacing), each(spacing, same);
+    for (int i = 0; i < 120; ++i) {
+      const ContactResult a = shared.step(i), b = each.step(i);
+      const double close = 5e-4 * b.wrench.F_W.norm();  // two quadratures of the same stress
+      ASSERT_NEAR((a.wrench.F_W - b.wrench.F_W).norm(), 0.0, close) << spacing << " " << i;
+      ASSERT_NEAR((a.wrench.M_W - b.wrench.M_W).norm(), 0.0, 0.13 * close) << spacing << " " << i;
+      ASSERT_EQ(a.contact_count, b.contact_count);
+      ASSERT_NEAR(a.contact_area, b.contact_area, 2e-4 * b.contact_area);
+      ASSERT_NEAR(a.max_sinkage, b.max_sinkage, 2e-2 * b.max_sinkage);
+      ASSERT_NEAR(a.stored_energy, b.stored_energy, 1e-3 * b.stored_energy);
+    }
+    ASSERT_EQ(shared.patch.size(), each.patch.size());
+    Vec3 sum = Vec3::Zero();
+    double area = 0.0;
+    for (const auto& node : shared.patch) {
+      sum += node.area * (node.shear_W - node.pressure * node.n_W);
+      area += node.area;
+    }
+    const ContactResult last = shared.step(120);
+    EXPECT_NEAR((sum - last.wrench.F_W).norm(), 0.0, 2e-3 * last.wrench.F_W.norm());
+    EXPECT_NEAR(area, last.contact_area, 1e-3 * last.contact_area);
+  }
+}
+
+TEST(NodeSpring, LawsOfPressureUnloadAndStiffenByThemselves) {
+  // A plate pressed into ground of Wong's two-parameter law: pressure, and the rebound of its rut by k0.
+  const auto law = bekker::make_pressure_law("wong", {{"kp", 3e5}, {"mm", 5e4}, {"hydraulic_diameter", 0.1}});
+  NodeSpringParams params;
+  params.unloading = terrain::Unloading::elastic_plastic;
+  params.unloading_k0 = 5e6;
+  bekker::PointLaw point;
+  point.pressure_law = law.get();
+  NodeSpringTerrain ground(params, point);
+  const auto id = ground.add_body(wheel::make_box(0.1, 0.1, 0.02));
+  const double depth = 0.02, p = 3e5 * depth + 4 * 5e4 * depth * depth / 0.1;
+  const auto press = [&](int i, double z) {
+    ground.begin_step(i * kStep, kStep);
+    Pose pose;
+    pose.p_W = Vec3(0.0025, 0.0025, 0.01 - z);
+    const ContactResult r = ground.wrench(id, pose, Twist{});
+    ground.end_step();
+    return r;
+  };
+  const ContactResult deep = press(0, depth);
+  EXPECT_NEAR(deep.wrench.F_W.z(), 0.01 * p, 1e-9 * p);
+  EXPECT_NEAR(deep.stiffness(2, 2), 0.01 * (3e5 + 8 * 5e4 * depth / 0.1), 1e-6 * deep.stiffness(2, 2));
+  press(1, -0.01);
+  EXPECT_NEAR(ground.height(0, 0), -depth + p / 5e6, 1e-9);
+}
+
+TEST(NodeSpring, RayleighDampingGoesWithTheStiffness) {
+  NodeSpringParams plain, damped;
+  damped.damping_time = 0.05;
+  const auto force = [](const NodeSpringParams& params, double speed) {
+    NodeSpringTerrain ground(params);
+    const auto id = ground.add_body(wheel::make_box(0.1, 0.1, 0.02));
+    Pose pose;
+    pose.p_W = Vec3(0.0025, 0.0025, 0.0);
+    Twist down;
+    down.v_W.z() = -speed;
+    ground.begin_step(0, kStep);
+    return ground.wrench(id, pose, down);
+  };
+  const ContactResult a = force(plain, 0.02), b = force(damped, 0.02);
+  EXPECT_NEAR(b.wrench.F_W.z() - a.wrench.F_W.z(), 0.05 * a.stiffness(2, 2) * 0.02, 1e-9 * a.wrench.F_W.z());
+  EXPECT_NEAR(b.damping(2, 2), 0.05 * a.stiffness(2, 2), 1e-9 * b.damping(2, 2));
+  EXPECT_GT(b.damping_power, 0.0);
+  EXPECT_EQ(force(damped, 0.0).wrench.F_W, a.wrench.F_W);
 }
 
 TEST(NodeSpring, TakingANodeAwayTakesItsForceAway) {
