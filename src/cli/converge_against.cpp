@@ -69,6 +69,19 @@ std::string reason(const Scenario& s, const SweepPoint& run, const SweepPoint& s
   return out.empty() ? "none of the known reasons: refine time_step and node_spacing" : out;
 }
 
+// Means over `window` seconds about each sample (less at the ends).
+std::vector<double> moving_mean(const std::vector<double>& time, const std::vector<double>& values, double window) {
+  std::vector<double> out(values.size());
+  double sum = 0.0;
+  std::size_t from = 0, to = 0;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    for (; to < values.size() && time[to] <= time[i] + 0.5 * window; ++to) sum += values[to];
+    for (; time[from] < time[i] - 0.5 * window; ++from) sum -= values[from];
+    out[i] = sum / static_cast<double>(to - from);
+  }
+  return out;
+}
+
 }  // namespace
 
 void against_steady(const Scenario& s, const std::vector<double>& slips, double tolerance, Common& common) {
@@ -132,8 +145,9 @@ void against_pull_ramp(const Scenario& s, const std::vector<double>& slips, doub
   const auto method = scenario::make_method("node-spring", ramp, settings_of(common));
   const vehicle::PointResult drawn = method.run(scenario::condition_of(points.front(), s.wheel.radius), show_progress(common));
   const auto channel = [&](const char* name) -> const std::vector<double>& { return drawn.run.find(name)->values; };
-  const auto &slip = channel("slip"), &pull = channel("drawbar_pull"), &load = channel("normal_load");
-  const std::vector<double>& time = drawn.run.time;
+  const std::vector<double>&time = drawn.run.time, &load = channel("normal_load");
+  // A carriage that is free swings on the shear of the soil: means over a second are the curve.
+  const std::vector<double> slip = moving_mean(time, channel("slip"), 1.0), pull = moving_mean(time, channel("drawbar_pull"), 1.0);
   const double normal = points.front().normal_load;
   double jolt = 0.0;
   constexpr double first = 0.3;  // s after touchdown
