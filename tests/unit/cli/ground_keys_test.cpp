@@ -66,7 +66,7 @@ TEST_F(GroundKeys, LawsAndLayersActInBothMethodsAlike) {
            "laws: {pressure: {name: bekker, kc: 2 kN/m^2.1, kphi: 1500 kN/m^3.1}}\n",
            "laws: {pressure: {name: reece, kc: 20, kphi: 200}}\n",
            "laws: {pressure: {name: wong, kp: 400 kN/m^3, mm: 100 kN/m^3, hydraulic_diameter: 12 cm}}\n",
-           "laws: {shear: {name: wong_peak, residual: 0.4, peak_displacement: 25 mm}}\n",
+           "laws: {shear: {name: wong_peak, residual: 0.4, peak_displacement: 60 mm}}\n",
            "laws: {shear: {name: oida, residual: 0.4, peak_displacement: 25 mm}}\n",
            "laws: {failure: {name: interface_friction, delta: 20 deg}}\n",
            "laws: {rate: {name: shear_rate, lambda: 0.1}}\n",
