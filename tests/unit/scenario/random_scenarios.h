@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <chrono>
+#include <time.h>
+
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -17,6 +19,11 @@ namespace terrode::scenario {
 
 struct Tally {
   int results = 0, refused = 0, failed = 0, stopped = 0;
+  double longest = 0.0;  // s of computing, of one scenario
+
+  void print() const {
+    fmt::print("{} results, {} refused, {} failed, {} stopped; the longest took {:.2f} s\n", results, refused, failed, stopped, longest);
+  }
 };
 
 // A value between lo and hi, evenly in its logarithm; in one of four wild scenarios it is anything.
@@ -48,14 +55,21 @@ inline std::string random_scenario(Random& r, const std::string& method) {
   return text;
 }
 
-// Runs scenario number `i` of a seed. A run that takes longer than `seconds` is stopped, which counts as neither.
+// Seconds this thread has computed, which other work on the machine does not lengthen.
+inline double computed() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+// Runs scenario number `i` of a seed. A run that computes longer than `seconds` is stopped, which counts as neither.
 inline void try_scenario(std::uint64_t seed, std::uint64_t i, const std::string& method, double seconds, Tally& tally) {
   Random random = Random::stream(seed, i);
   const std::string text = random_scenario(random, method);
   SCOPED_TRACE(fmt::format("scenario {} of seed {}:\n{}", i, seed, text));
-  const auto begin = std::chrono::steady_clock::now();
+  const double begin = computed();
   Progress progress;
-  progress.stop_requested = [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() > seconds; };
+  progress.stop_requested = [&] { return computed() - begin > seconds; };
   try {
     const Scenario s = parse_scenario(text, "random.yaml");
     const vehicle::SweepMethod m = make_method(method, s);
@@ -83,6 +97,7 @@ inline void try_scenario(std::uint64_t seed, std::uint64_t i, const std::string&
   } catch (const std::exception& e) {
     ADD_FAILURE() << "neither a result nor a clear refusal: " << e.what();
   }
+  tally.longest = std::max(tally.longest, computed() - begin);
 }
 
 }  // namespace terrode::scenario

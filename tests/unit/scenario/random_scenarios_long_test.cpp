@@ -7,6 +7,7 @@ namespace {
 TEST(RandomScenariosLong, TenThousandBySteadyWheel) {
   Tally tally;
   for (std::uint64_t i = 0; i < 10'000 && !::testing::Test::HasFailure(); ++i) try_scenario(1, i, "steady", 10.0, tally);
+  tally.print();
   EXPECT_EQ(tally.stopped, 0);
   EXPECT_GT(tally.results, 3000) << "refused " << tally.refused << ", failed " << tally.failed;
   EXPECT_GT(tally.refused, 1000);
@@ -15,10 +16,7 @@ TEST(RandomScenariosLong, TenThousandBySteadyWheel) {
 TEST(RandomScenariosLong, ThousandsOnNodeSpring) {
   Tally tally;
   for (std::uint64_t i = 0; i < 5'000 && !::testing::Test::HasFailure(); ++i) try_scenario(3, i, "node-spring", 2.0, tally);
-  RecordProperty("results", tally.results);
-  RecordProperty("refused", tally.refused);
-  RecordProperty("failed", tally.failed);
-  RecordProperty("stopped", tally.stopped);
+  tally.print();
   EXPECT_GT(tally.results, 1000);
 }
 

@@ -8,7 +8,9 @@ namespace {
 TEST(RandomScenarios, SomeBySteadyWheel) {
   Tally tally;
   for (std::uint64_t i = 0; i < 300 && !::testing::Test::HasFailure(); ++i) try_scenario(1, i, "steady", 10.0, tally);
+  tally.print();
   EXPECT_EQ(tally.stopped, 0);
+  EXPECT_LT(tally.longest, 1.0);
   EXPECT_GT(tally.results, 60) << "refused " << tally.refused << ", failed " << tally.failed;
   EXPECT_GT(tally.refused, 20);
 }
