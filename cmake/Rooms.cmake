@@ -100,7 +100,7 @@ function(terrode_test_program target sources labels room)
 endfunction()
 
 # fuzz/<name>.cpp, one line each in fuzz/harnesses.inc: with TERRODE_FUZZ a libFuzzer program each, and always tests that
-# replay the inputs kept and try changed ones for a second each.
+# replay the inputs kept and try changed ones.
 function(terrode_add_fuzz)
   file(STRINGS ${PROJECT_SOURCE_DIR}/fuzz/harnesses.inc lines REGEX "^FUZZ_HARNESS")
   set(sources ${PROJECT_SOURCE_DIR}/fuzz/replay_test.cpp ${PROJECT_SOURCE_DIR}/fuzz/mutate_test.cpp)

@@ -1,4 +1,5 @@
 // Commands that README.md and docs/ show: they exist, and so do their options.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <array>
@@ -49,7 +50,7 @@ TEST(Docs, CommandsAndOptionsExist) {
       const std::string shown = std::exchange(whole, {});
       if ((program != "terrode" && program != "build/terrode") || command.empty() || command[0] == '-') continue;
       ++checked;
-      if (!help.contains(command)) help[command] = output_of(std::string(TERRODE_PROGRAM) + " " + command + " --help 2>/dev/null");
+      if (!help.contains(command)) help[command] = output_of(fmt::format("{} {} --help 2>/dev/null", TERRODE_PROGRAM, command));
       const fs::path where = fs::relative(page, root);
       if (help[command].empty()) {
         ADD_FAILURE() << where << " shows a command that does not exist: " << shown;
