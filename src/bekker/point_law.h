@@ -40,6 +40,7 @@ struct Point {
   double shear_displacement = 0.0; // |j|, m
   double slide_speed = 0.0;        // |v_s| of the rim along the soil, m/s
   double penetration_speed = 0.0;  // of the surface into the soil along its normal, at the point that set the pressure, m/s
+  double entry_angle = 0.0;        // theta at which the wheel meets the soil, rad; 0 where the body is no wheel
 };
 
 // Soil parameters at one point, after effects and soil maps have changed them.
@@ -75,16 +76,18 @@ struct Stress {
 
 // A change of the contact or of the stress at a point: what a missing-physics effect of the soil or wheel is to the
 // models. Every hook has a null body; `hooks()` says which are to be called, so that the rest cost nothing. Modifiers
-// act in the order in which they are given: contact, then at each point soil, pressure, shear, traction.
+// act in the order in which they are given: contact and soil, then at each point pressure, shear, traction.
 class StressModifier {
  public:
-  enum Hook : unsigned { kContact = 1, kSoil = 2, kPressure = 4, kShear = 8, kTraction = 16, kShearCorner = 32 };
+  enum Hook : unsigned { kContact = 1, kSoil = 2, kPressure = 4, kShear = 8, kTraction = 16, kShearCorner = 32, kLowestCorner = 64, kSoilAtPoint = 128 };
   virtual ~StressModifier() = default;
   virtual unsigned hooks() const = 0;
   // Changes the shape of the contact; called whenever the sinkage changes.
   virtual void contact(const Context&, ContactShape&) const {}
-  // Changes the soil's parameters at a point, before any stress is known.
-  virtual void soil(const Context&, const Point&, LocalSoil&) const {}
+  // Changes the soil's parameters under the whole wheel, before any stress is known; asked once for all points.
+  virtual void soil(const Context&, LocalSoil&) const {}
+  // Puts in place the soil at a point, for ground that is not the same at all points; soil() of all modifiers acts on it.
+  virtual void soil_at(const Context&, const Point&, LocalSoil&) const {}
   // Returns the changed normal stress [Pa].
   virtual double pressure(const Context&, const Point&, const LocalSoil&, double sigma) const { return sigma; }
   // Effective sinkage [m] at which what pressure() returns has a corner; infinity: none. Integrals end and begin there.
@@ -93,15 +96,13 @@ class StressModifier {
   virtual double shear_corner(const Context&, const Point&, const LocalSoil&, double /*sigma*/, double /*tau*/) const { return 1.0; }
   // Returns the changed shear stress [Pa]; `sigma` is final.
   virtual double shear(const Context&, const Point&, const LocalSoil&, double /*sigma*/, double tau) const { return tau; }
-  // Adds to the stresses that come on top: drive and drag [Pa]; sigma and tau are final.
+  // Adds to the stresses that come on top: drive and drag [Pa]; sigma and tau are final. hooks() has kLowestCorner where it
+  // has a corner at theta = 0.
   virtual void traction(const Context&, const Point&, const LocalSoil&, Stress&) const {}
 };
 
-// Rankine's coefficient of passive earth pressure, tan^2(45 deg + phi/2) = (tan(phi) + 1/cos(phi))^2 [-].
-inline double passive_pressure_coefficient(double tan_phi) {
-  const double root = tan_phi + std::sqrt(1.0 + tan_phi * tan_phi);
-  return root * root;
-}
+// Root of Rankine's coefficient of passive earth pressure: tan(45 deg + phi/2) = tan(phi) + 1/cos(phi) [-].
+inline double passive_pressure_root(double tan_phi) { return tan_phi + std::sqrt(1.0 + tan_phi * tan_phi); }
 
 // Pressure under a point at effective sinkage z >= 0 by a law of its own name; see pressure_laws.h.
 class PressureLaw {
@@ -137,33 +138,56 @@ inline double janosi_mobilised(const LocalSoil& soil, double j) { return 1.0 - s
 struct PreparedLaw {
   const PressureLaw* pressure_law = nullptr;
   const ShearLaw* shear_law = nullptr;
-  std::vector<const StressModifier*> contact, soil, pressure, shear, traction, shear_corners;
-  bool modified = false;  // by whatever the modifiers are
-  bool plain = true;      // sigma = k (z/b)^n and Janosi-Hanamoto, nothing else
+  std::vector<const StressModifier*> contact, soil, soil_at_point, pressure, shear, traction, shear_corners;
+  bool plain = true;         // sigma = k (z/b)^n and Janosi-Hanamoto, nothing else
+  bool plain_points = true;  // so at each point, for a soil and a contact that may be changed
+  bool modified_points = false;
+  bool lowest_corner = false;
 
   PreparedLaw() = default;
   explicit PreparedLaw(const PointLaw& law)
-      : pressure_law(law.pressure_law), shear_law(law.shear_law), modified(!law.modifiers.empty()),
-        plain(!modified && !law.pressure_law && !law.shear_law) {
+      : pressure_law(law.pressure_law), shear_law(law.shear_law), plain(law.modifiers.empty() && !law.pressure_law && !law.shear_law) {
     for (const StressModifier* m : law.modifiers) {
       const unsigned hooks = m->hooks();
       if (hooks & StressModifier::kContact) contact.push_back(m);
       if (hooks & StressModifier::kSoil) soil.push_back(m);
+      if (hooks & StressModifier::kSoilAtPoint) soil_at_point.push_back(m);
       if (hooks & StressModifier::kPressure) pressure.push_back(m);
       if (hooks & StressModifier::kShear) shear.push_back(m);
       if (hooks & StressModifier::kTraction) traction.push_back(m);
       if (hooks & StressModifier::kShearCorner) shear_corners.push_back(m);
+      lowest_corner = lowest_corner || (hooks & StressModifier::kLowestCorner);
     }
+    modified_points = !(soil_at_point.empty() && pressure.empty() && shear.empty() && traction.empty());
+    plain_points = !pressure_law && !shear_law && !modified_points;
   }
 };
 
+// The soil as it is under the wheel, after the modifiers that change its parameters; where it differs from point to point,
+// as it was, to be changed there.
+inline LocalSoil changed_soil(LocalSoil soil, const PreparedLaw& law, const Context& context) {
+  if (law.soil_at_point.empty())
+    for (const StressModifier* m : law.soil) m->soil(context, soil);
+  return soil;
+}
+
 namespace detail {
+// The soil at a point: the one given, or `own` where it differs from point to point.
+inline const LocalSoil& soil_here(const LocalSoil& given, const PreparedLaw& law, const Context& context, const Point& point,
+                                  LocalSoil& own) {
+  if (law.soil_at_point.empty()) return given;
+  own = given;
+  for (const StressModifier* m : law.soil_at_point) m->soil_at(context, point, own);
+  for (const StressModifier* m : law.soil) m->soil(context, own);
+  return own;
+}
+
 // Stress at a point up to the shear modifier `end` (null: all of them, and traction).
-inline Stress stress_up_to(const LocalSoil& base, const PreparedLaw& law, const Context& context, const Point& point, LocalSoil& soil,
+inline Stress stress_up_to(const LocalSoil& given, const PreparedLaw& law, const Context& context, const Point& point,
                            const StressModifier* end) {
+  LocalSoil own;
+  const LocalSoil& soil = soil_here(given, law, context, point, own);
   Stress out;
-  soil = base;
-  for (const StressModifier* m : law.soil) m->soil(context, point, soil);
   out.sigma = law.pressure_law ? law.pressure_law->pressure(soil, context, point.sinkage) : power_law_pressure(soil, point.sinkage);
   for (const StressModifier* m : law.pressure) out.sigma = m->pressure(context, point, soil, out.sigma);
   const double mobilised = law.shear_law ? law.shear_law->mobilised(soil, point.shear_displacement)
@@ -178,25 +202,29 @@ inline Stress stress_up_to(const LocalSoil& base, const PreparedLaw& law, const 
 }
 }  // namespace detail
 
-// Stress at a point: laws first, then modifiers in order. Finite for finite input with z >= 0 and j >= 0 (j may be
-// +infinity: fully mobilised). Cost: about 40 ns without modifiers.
-inline Stress stress_at(const LocalSoil& base, const PreparedLaw& law, const Context& context, const Point& point) {
-  if (law.plain) {
+// Stress at a point of `soil` as changed_soil() gives it: laws first, then modifiers in order. Finite for finite input with
+// z >= 0 and j >= 0 (j may be +infinity: fully mobilised). Cost: about 40 ns without modifiers.
+inline Stress stress_in(const LocalSoil& soil, const PreparedLaw& law, const Context& context, const Point& point) {
+  if (law.plain_points) {
     Stress out;
-    out.sigma = power_law_pressure(base, point.sinkage);
-    out.tau = (base.cohesion + out.sigma * base.tan_phi) * janosi_mobilised(base, point.shear_displacement);
+    out.sigma = power_law_pressure(soil, point.sinkage);
+    out.tau = (soil.cohesion + out.sigma * soil.tan_phi) * janosi_mobilised(soil, point.shear_displacement);
     return out;
   }
-  LocalSoil soil;
-  return detail::stress_up_to(base, law, context, point, soil, nullptr);
+  return detail::stress_up_to(soil, law, context, point, nullptr);
 }
 
-// StressModifier::shear_corner() of one of law.shear_corners at a point.
-inline double shear_corner_at(const LocalSoil& base, const PreparedLaw& law, const Context& context, const Point& point,
+// The same from the soil before modifiers.
+inline Stress stress_at(const LocalSoil& base, const PreparedLaw& law, const Context& context, const Point& point) {
+  return stress_in(law.soil.empty() ? base : changed_soil(base, law, context), law, context, point);
+}
+
+// StressModifier::shear_corner() of one of law.shear_corners at a point of `soil` as changed_soil() gives it.
+inline double shear_corner_in(const LocalSoil& soil, const PreparedLaw& law, const Context& context, const Point& point,
                               const StressModifier& of) {
-  LocalSoil soil;
-  const Stress s = detail::stress_up_to(base, law, context, point, soil, &of);
-  return of.shear_corner(context, point, soil, s.sigma, s.tau);
+  LocalSoil own;
+  const Stress s = detail::stress_up_to(soil, law, context, point, &of);
+  return of.shear_corner(context, point, detail::soil_here(soil, law, context, point, own), s.sigma, s.tau);
 }
 
 }  // namespace terrode::bekker

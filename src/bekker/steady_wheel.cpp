@@ -82,7 +82,7 @@ struct Sums {
 
 // Everything of one evaluation at one entry angle.
 struct Evaluator {
-  const LocalSoil& soil;
+  const LocalSoil& soil;  // as modifiers have changed it
   const PreparedLaw& law;
   const Context& context;
   const ContactArc& arc;
@@ -124,6 +124,7 @@ struct Evaluator {
       add_corner(still);
       add_corner(-still);
     }
+    if (law.lowest_corner) add_corner(0.0);
   }
 
   void add_corner(double theta) {
@@ -134,49 +135,60 @@ struct Evaluator {
 
   struct Place {
     double sin_t, cos_t, z, j;
-    bool front;
-    double equivalent;
   };
   Place place(double theta) const {
     Place out;
     out.sin_t = std::sin(theta);
     out.cos_t = std::cos(theta);
-    out.front = theta >= arc.theta_m;
-    out.equivalent = arc.equivalent(theta);
-    const double cos_e = out.front ? out.cos_t : std::cos(out.equivalent);
+    const double cos_e = theta >= arc.theta_m ? out.cos_t : std::cos(arc.equivalent(theta));
     out.z = std::max(0.0, arc.radius * (cos_e - arc.cos_f));
     out.j = arc.shear_displacement(theta, out.sin_t);
     return out;
   }
 
-  Point point(double theta, const Place& at) const {
+  // What modifiers see of the place at an angle.
+  Point point(double theta, double& j) const {
     Point p;
-    p.sinkage = at.z;
-    p.depth = std::max(0.0, arc.radius * (at.cos_t - arc.cos_f));
     p.theta = theta;
-    p.sin_theta = at.sin_t;
-    p.cos_theta = at.cos_t;
-    p.shear_displacement = std::abs(at.j);
-    p.slide_speed = std::abs(context.radius * context.angular_velocity - context.forward_velocity * at.cos_t);
-    p.penetration_speed = std::max(0.0, context.forward_velocity * (at.front ? at.sin_t : std::sin(at.equivalent)));
+    p.sin_theta = std::sin(theta);
+    p.cos_theta = std::cos(theta);
+    double sin_e = p.sin_theta, cos_e = p.cos_theta;
+    if (theta < arc.theta_m) {
+      const double equivalent = arc.equivalent(theta);
+      sin_e = std::sin(equivalent);
+      cos_e = std::cos(equivalent);
+    }
+    j = arc.shear_displacement(theta, p.sin_theta);
+    p.sinkage = std::max(0.0, arc.radius * (cos_e - arc.cos_f));
+    p.depth = std::max(0.0, arc.radius * (p.cos_theta - arc.cos_f));
+    p.shear_displacement = std::abs(j);
+    p.slide_speed = std::abs(context.radius * context.angular_velocity - context.forward_velocity * p.cos_theta);
+    p.penetration_speed = std::max(0.0, context.forward_velocity * sin_e);
+    p.entry_angle = arc.theta_f;
     return p;
   }
 
   Sums at(double theta, ProfilePoint* detail = nullptr) {
     ++evaluations;
+    if (!law.plain_points) return modified(theta, detail);
     const Place here = place(theta);
     const double sin_t = here.sin_t, cos_t = here.cos_t;
     Stress stress;
-    if (law.plain) {
-      stress.sigma = power_law_pressure(soil, here.z);
-      stress.tau = (soil.cohesion + stress.sigma * soil.tan_phi) * janosi_mobilised(soil, std::abs(here.j));
-    } else {
-      stress = stress_at(soil, law, context, point(theta, here));
-    }
+    stress.sigma = power_law_pressure(soil, here.z);
+    stress.tau = (soil.cohesion + stress.sigma * soil.tan_phi) * janosi_mobilised(soil, std::abs(here.j));
     const double tau = arc.shear_sign(theta, here.j) * stress.tau;
     if (detail) *detail = {theta, here.z, stress.sigma, tau, here.j};
-    return {stress.sigma * cos_t + tau * sin_t, tau * cos_t - stress.sigma * sin_t + stress.drive - stress.drag,
-            tau + stress.drive, stress.sigma * sin_t, stress.drag};
+    return {stress.sigma * cos_t + tau * sin_t, tau * cos_t - stress.sigma * sin_t, tau, stress.sigma * sin_t, 0.0};
+  }
+
+  Sums modified(double theta, ProfilePoint* detail) const {
+    double j = 0;
+    const Point p = point(theta, j);
+    const Stress stress = stress_in(soil, law, context, p);
+    const double tau = arc.shear_sign(theta, j) * stress.tau;
+    if (detail) *detail = {theta, p.sinkage, stress.sigma, tau, j};
+    return {stress.sigma * p.cos_theta + tau * p.sin_theta, tau * p.cos_theta - stress.sigma * p.sin_theta + stress.drive - stress.drag,
+            tau + stress.drive, stress.sigma * p.sin_theta, stress.drag};
   }
 
   // Integral over [from, to] (any order) with points clustered at `from`; counted positive.
@@ -200,12 +212,18 @@ struct Evaluator {
     for (std::size_t i = 0; i < rule.count; ++i) sums.add(at(from + length * rule.both_at[i]), size * rule.both_weight[i]);
   }
 
+  bool cut_within(double a, double b) const {
+    return std::any_of(corners.begin(), corners.begin() + static_cast<std::ptrdiff_t>(corner_count),
+                       [&](double at) { return (at - a) * (b - at) > 0; });
+  }
+
   // Where in u of [from, to] the shear passes corners; from where they were before, if that is known.
   void find_shear_corners(double from, double to, const StressModifier& m, std::array<double, kPerPanel>& corner) {
     const auto value = [&](double u) {
       ++evaluations;
       const double theta = from + (to - from) * u * u * u;
-      return shear_corner_at(soil, law, context, point(theta, place(theta)), m);
+      double j = 0;
+      return shear_corner_in(soil, law, context, point(theta, j), m);
     };
     // Between a and b, where the sign differs: inverse interpolation through these and the point where their chord crosses
     // zero. An error of 1e-5 in the place of a corner is one of 1e-10 in the integral.
@@ -233,19 +251,51 @@ struct Evaluator {
       lost = (f_a > 0) == (f_b > 0);
       if (!lost) u = between(a, f_a, b, f_b);
     }
-    if (!lost) return;
+    const bool none = corner[0] > 1.0;
+    if (!lost && !(none && kept->thorough)) return;
     // Near u = 0 the stress is too small for its corners to count.
     constexpr std::array<double, 3> kFew = {0.02, 0.3, 1.0};
     constexpr std::array<double, 14> kMany = {0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.96, 1.0};
     const std::span<const double> searched = kept->thorough ? std::span<const double>(kMany) : std::span<const double>(kFew);
     corner.fill(2.0);
     std::size_t found = 0;
-    double a = searched[0], f_a = value(a);
-    for (const double b : searched.subspan(1)) {
-      const double f_b = value(b);
+    const auto add = [&](double a, double f_a, double b, double f_b) {
       if ((f_a > 0) != (f_b > 0) && found < corner.size()) corner[found++] = between(a, f_a, b, f_b);
-      a = b;
-      f_a = f_b;
+    };
+    std::array<double, kMany.size()> f{};
+    for (std::size_t i = 0; i < searched.size(); ++i) {
+      f[i] = value(searched[i]);
+      if (i > 0) add(searched[i - 1], f[i - 1], searched[i], f[i]);
+    }
+    if (!kept->thorough) return;
+    // Where the value turns back before it reaches zero at three places, it may cross zero twice between them.
+    for (std::size_t i = 1; i + 1 < searched.size(); ++i) {
+      double a = searched[i - 1], mid = searched[i], b = searched[i + 1], f_a = f[i - 1], f_m = f[i], f_b = f[i + 1];
+      const auto turns = [&] { return (f_m > 0) ? f_a > 0 && f_b > 0 && f_m <= std::min(f_a, f_b) : f_a <= 0 && f_b <= 0 && f_m >= std::max(f_a, f_b); };
+      for (int k = 0; k < 8 && turns(); ++k) {
+        // The turning point of a parabola through the three.
+        const double left = (f_m - f_a) / (mid - a), right = (f_b - f_m) / (b - mid);
+        double c = 0.5 * (a + mid) - 0.5 * left * (b - a) / (right - left);
+        if (!(right != left) || std::abs(c - mid) < 1e-4) break;
+        c = std::clamp(c, a + 0.05 * (mid - a), b - 0.05 * (b - mid));
+        const double f_c = value(c);
+        if ((f_c > 0) != (f_m > 0)) {
+          add(c < mid ? a : mid, c < mid ? f_a : f_m, c, f_c);
+          add(c, f_c, c < mid ? mid : b, c < mid ? f_m : f_b);
+          break;
+        }
+        const bool nearer = f_m > 0 ? f_c < f_m : f_c > f_m;
+        if (nearer) {
+          const bool left_of = c < mid;
+          (left_of ? b : a) = mid;
+          (left_of ? f_b : f_a) = f_m;
+          mid = c;
+          f_m = f_c;
+        } else {
+          (c < mid ? a : b) = c;
+          (c < mid ? f_a : f_b) = f_c;
+        }
+      }
     }
   }
 
@@ -320,9 +370,10 @@ struct Evaluator {
 
   Sums integral(std::size_t order) {
     Sums sums;
-    const bool whole = !law.modified && corner_count == 0;
-    panels([&](double from, double to) { panel(sums, from, to, order); },
+    const bool halves = arc.skid_split && !arc.locked;  // each needs fewer points than the whole
+    panels([&](double from, double to) { panel(sums, from, to, halves && order > 0 ? order - 1 : order); },
            [&](double from, double to) {
+             const bool whole = law.shear_corners.empty() && !cut_within(from, to);
              if (whole) panel_of_two_ends(sums, from, to, order);
              return whole;
            });
@@ -452,7 +503,8 @@ struct WheelProblem {
     constexpr double kCoarseBend = 0.02, kBend = 1e-3;
     corners.stale = order == 0 ? 0.02 : corners.bend == kBend ? 1e-5 : -1.0;  // what a coarse search found is never good enough
     corners.bend = order == 0 ? kCoarseBend : kBend;
-    Evaluator e(local, law, context, arc, &corners);
+    const LocalSoil soil = changed_soil(local, law, context);
+    Evaluator e(soil, law, context, arc, &corners);
     const double area = arc.radius * context.width;
     // The integrals are in Pa; each panel may err by a share of tolerance * load / area.
     const Sums sums = order < 0 ? e.adaptive(0.05 * options.tolerance * load / area) : e.integral(static_cast<std::size_t>(order));
@@ -586,17 +638,17 @@ SteadyState SteadyWheel::solve(const Operating& operating) const {
   WheelProblem problem(*this, local_, angles_, law_, options_, operating);
   const ContactShape s0 = problem.shape(0.3);
   // Bekker's sinkage of a towed rigid wheel (1969) starts the search.
-  const double kz = soil_.k / std::pow(soil_.plate_width, soil_.n);
-  const double z0 = std::pow(3 * s0.normal_load / (wheel_.width * kz * std::max(0.2, 3 - soil_.n) * std::sqrt(2 * wheel_.radius)),
-                             2 / (2 * soil_.n + 1));
+  const LocalSoil soil = changed_soil(local_, law_, problem.context);
+  const double kz = soil.k / std::pow(soil.plate_width, soil.n);
+  const double z0 = std::pow(3 * s0.normal_load / (wheel_.width * kz * std::max(0.2, 3 - soil.n) * std::sqrt(2 * wheel_.radius)),
+                             2 / (2 * soil.n + 1));
   const double guess = std::acos(std::clamp(1 - z0 / wheel_.radius, 0.2, 1 - 1e-12));
   problem.load = s0.normal_load;
   // A coarse root first, then finer rules until two orders agree.
-  const bool modified = law_.modified;
-  const bool quartered = modified && s0.slip < 0 && std::isfinite(s0.slip);  // four half-size panels need fewer points each
+  const bool modified = law_.modified_points;
   const double close = 0.3 * options_.tolerance;
   const auto excess = [&](const SteadyState& s) { return std::abs(s.normal_load - problem.load) / problem.load; };
-  int order = quartered ? 1 : 2;
+  int order = 2;
   SteadyState state = problem.find(guess, 0, modified ? 1e-4 : 2e-3);
   int state_order = 0;
   double coarse_difference = 0.0;  // between the rule before and this one
@@ -641,13 +693,10 @@ SteadyState SteadyWheel::solve(const Operating& operating) const {
       break;
     }
     coarse_difference = difference;
-    if (difference <= 1e3 * options_.tolerance) {
-      ++order;
-      continue;
-    }
     // Rules far from resolving the stresses are skipped, and corners that were missed are looked for.
-    order = std::min(last, order + 2);
-    if (!problem.corners.thorough) {
+    const bool far = difference > 1e3 * options_.tolerance;
+    order = std::min(last, order + (far ? 2 : 1));
+    if (!problem.corners.thorough && (far || !first)) {
       problem.corners.thorough = true;
       problem.corners.entry = 0.0;
       state_order = 0;
@@ -671,7 +720,8 @@ void SteadyWheel::profile(const Operating& operating, const SteadyState& state, 
   throw_if_any(operating.validate());
   WheelProblem problem(*this, local_, angles_, law_, options_, operating);
   const ContactArc arc(problem.shape(state.entry_angle), angles_, options_.skid_shear, soil_.friction_angle, state.entry_angle);
-  Evaluator e(local_, law_, problem.context, arc);
+  const LocalSoil soil = changed_soil(local_, law_, problem.context);
+  Evaluator e(soil, law_, problem.context, arc);
   for (std::size_t i = 0; i < points.size(); ++i) {
     const double share = points.size() > 1 ? static_cast<double>(i) / static_cast<double>(points.size() - 1) : 0.5;
     e.at(arc.theta_r + (arc.theta_f - arc.theta_r) * share, &points[i]);

@@ -387,7 +387,7 @@ Model::Vector Model::evaluate(const Hypothesis& h, const std::vector<FitParamete
         p.shear_displacement = x;
         p.slide_speed = curve.rate;
         for (const auto* m : in_tests)
-          if (m->hooks() & bekker::StressModifier::kSoil) m->soil(context, p, s);
+          if (m->hooks() & bekker::StressModifier::kSoil) m->soil(context, s);
         value = (s.cohesion + curve.normal_stress * s.tan_phi) * bekker::janosi_mobilised(s, x);
         for (const auto* m : in_tests)
           if (m->hooks() & bekker::StressModifier::kShear) value = m->shear(context, p, s, curve.normal_stress, value);
@@ -395,7 +395,7 @@ Model::Vector Model::evaluate(const Hypothesis& h, const std::vector<FitParamete
         p.sinkage = x;
         p.penetration_speed = curve.rate;
         for (const auto* m : in_tests)
-          if (m->hooks() & bekker::StressModifier::kSoil) m->soil(context, p, s);
+          if (m->hooks() & bekker::StressModifier::kSoil) m->soil(context, s);
         value = bekker::power_law_pressure(s, x);
         for (const auto* m : in_tests)
           if (m->hooks() & bekker::StressModifier::kPressure) value = m->pressure(context, p, s, value);

@@ -28,12 +28,12 @@ const Info& info() {
 class Bulldozing final : public Effect {
  public:
   using Effect::Effect;
-  unsigned hooks() const override { return kTraction; }
+  unsigned hooks() const override { return kTraction | kLowestCorner; }
   void traction(const bekker::Context&, const bekker::Point& q, const bekker::LocalSoil& s,
                 bekker::Stress& out) const override {
     if (q.theta <= 0) return;
-    const double n_phi = bekker::passive_pressure_coefficient(s.tan_phi);
-    out.drag += p(0) * (s.unit_weight * q.depth * n_phi + 2.0 * s.cohesion * std::sqrt(n_phi)) * q.sin_theta;
+    const double root = bekker::passive_pressure_root(s.tan_phi);
+    out.drag += p(0) * (s.unit_weight * q.depth * root + 2.0 * s.cohesion) * root * q.sin_theta;
   }
 };
 

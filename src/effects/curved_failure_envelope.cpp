@@ -32,10 +32,20 @@ class CurvedFailureEnvelope final : public Effect {
   unsigned hooks() const override { return kShear; }
   double shear(const bekker::Context&, const bekker::Point&, const bekker::LocalSoil& s, double sigma,
                double tau) const override {
-    const double phi = std::clamp(std::atan(s.tan_phi) - p(0) * std::log10(std::max(sigma, 1.0) / 1e4), 0.0, 1.4);
     const double base = s.cohesion + sigma * s.tan_phi;
-    return base > 0 ? tau * (s.cohesion + sigma * std::tan(phi)) / base : tau;
+    return base > 0 ? tau * (s.cohesion + sigma * tan_less(s.tan_phi, per_fold_ * std::log(std::max(sigma, 1.0) / 1e4))) / base : tau;
   }
+
+ private:
+  // Tangent of the friction angle less `fall`, the angle held within 0 and 1.4 rad.
+  static double tan_less(double tan_phi, double fall) {
+    constexpr double kLargest = 5.797883715482887;  // tan(1.4)
+    if (std::abs(fall) > 1.5) return std::tan(std::clamp(std::atan(tan_phi) - fall, 0.0, 1.4));
+    const double sine = std::sin(fall), cosine = std::cos(fall), over = tan_phi * cosine - sine, under = cosine + tan_phi * sine;
+    return over <= 0 ? 0.0 : over < kLargest * under ? over / under : kLargest;
+  }
+
+  double per_fold_ = p(0) / std::numbers::ln10;
 };
 
 }  // namespace

@@ -30,7 +30,7 @@ class DensityGradient final : public Effect {
  public:
   using Effect::Effect;
   unsigned hooks() const override { return kSoil; }
-  void soil(const bekker::Context& c, const bekker::Point&, bekker::LocalSoil& s) const override {
+  void soil(const bekker::Context& c, bekker::LocalSoil& s) const override {
     s.k *= p(1) == 0.0 ? std::max(0.02, 1.0 + p(0) * c.position) : std::clamp(std::exp(p(0) * c.position), 0.02, 50.0);
   }
 };

@@ -28,7 +28,7 @@ class Gravity final : public Effect {
  public:
   using Effect::Effect;
   unsigned hooks() const override { return kSoil; }
-  void soil(const bekker::Context&, const bekker::Point&, bekker::LocalSoil& s) const override {
+  void soil(const bekker::Context&, bekker::LocalSoil& s) const override {
     s.k *= p(0) / 9.81;
     s.unit_weight *= p(0) / 9.81;
   }

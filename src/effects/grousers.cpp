@@ -52,9 +52,9 @@ class Grousers final : public Effect {
       out.drive += 0.5 * p(0) / c.radius * out.tau * engaged;
       return;
     }
-    const double n_phi = bekker::passive_pressure_coefficient(s.tan_phi);
-    const double face = n_phi * (0.5 * s.unit_weight * (q.depth + p(0)) + 0.06 * out.sigma) +
-                        2.0 * s.cohesion * std::sqrt(n_phi) + 0.4 * s.k * std::pow(p(0) / s.plate_width, s.n);
+    const double root = bekker::passive_pressure_root(s.tan_phi);
+    const double face = root * (root * (0.5 * s.unit_weight * (q.depth + p(0)) + 0.06 * out.sigma) + 2.0 * s.cohesion) +
+                        0.4 * s.k * std::pow(p(0) / s.plate_width, s.n);
     out.drive += p(1) * p(0) / (2.0 * std::numbers::pi * c.radius) * face * engaged;
   }
 };

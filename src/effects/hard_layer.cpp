@@ -40,8 +40,11 @@ class HardLayer final : public Effect {
   double corner() const override { return p(1); }
   double pressure(const bekker::Context&, const bekker::Point& q, const bekker::LocalSoil&,
                   double sigma) const override {
-    return q.sinkage > p(1) ? sigma * (1.0 + p(0) * (q.sinkage / p(1) - 1.0)) : sigma;
+    return q.sinkage > p(1) ? sigma * (1.0 + rise_ * (q.sinkage - p(1))) : sigma;
   }
+
+ private:
+  double rise_ = p(0) / p(1);
 };
 
 }  // namespace

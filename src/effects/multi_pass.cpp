@@ -34,7 +34,7 @@ class MultiPass final : public Effect {
  public:
   using Effect::Effect;
   unsigned hooks() const override { return kSoil; }
-  void soil(const bekker::Context& c, const bekker::Point&, bekker::LocalSoil& s) const override {
+  void soil(const bekker::Context& c, bekker::LocalSoil& s) const override {
     s.k *= 1.0 + p(0) * (1.0 - std::exp(-(c.pass - 1) / p(1)));
   }
 };

@@ -38,14 +38,16 @@ class PeakShear final : public Effect {
   double shear(const bekker::Context&, const bekker::Point& q, const bekker::LocalSoil& s, double sigma,
                double tau) const override {
     const double x = q.shear_displacement / p(1);
+    const double fall = std::exp(-x);
     // (1 - u)(u^(1/3)) with u = exp(-x) is highest, 0.4725, at u = 1/4.
-    if (p(2) != 0.0) return std::isfinite(x) ? tau * (1.0 + (1.0 / p(0) - 1.0) / 0.4725 * (1.0 - std::exp(-x)) * std::exp(-x / 3.0)) : tau;
-    const double rise = std::isfinite(x) ? 1.0 - std::exp(-x) : 1.0;
-    const double hump = std::isfinite(x) ? std::exp(1.0 - x) : 0.0;
-    const double wong = p(0) * (1.0 + (1.0 / (p(0) * (1.0 - std::exp(-1.0))) - 1.0) * hump) * rise;
-    const double weight = std::min(1.0, (1.0 - p(0)) / 0.05);
-    return (1.0 - weight) * tau + weight * (s.cohesion + sigma * s.tan_phi) * wong;
+    if (p(2) != 0.0) return tau * (1.0 + (1.0 / p(0) - 1.0) / 0.4725 * (1.0 - fall) * std::exp(-x / 3.0));
+    const double wong = p(0) * (1.0 + hump_ * fall) * (1.0 - fall);
+    return (1.0 - weight_) * tau + weight_ * (s.cohesion + sigma * s.tan_phi) * wong;
   }
+
+ private:
+  double hump_ = std::numbers::e * (1.0 / (p(0) * (1.0 - std::exp(-1.0))) - 1.0);
+  double weight_ = std::min(1.0, (1.0 - p(0)) / 0.05);
 };
 
 }  // namespace

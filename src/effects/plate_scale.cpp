@@ -29,7 +29,7 @@ class PlateScale final : public Effect {
  public:
   using Effect::Effect;
   unsigned hooks() const override { return kSoil; }
-  void soil(const bekker::Context&, const bekker::Point&, bekker::LocalSoil& s) const override { s.k *= p(0); }
+  void soil(const bekker::Context&, bekker::LocalSoil& s) const override { s.k *= p(0); }
 };
 
 }  // namespace

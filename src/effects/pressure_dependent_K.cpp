@@ -32,9 +32,10 @@ class PressureDependentK final : public Effect {
   double shear(const bekker::Context&, const bekker::Point& q, const bekker::LocalSoil& s, double sigma,
                double tau) const override {
     const double j = q.shear_displacement;
-    if (!(j > 0) || !std::isfinite(j)) return tau;
     const double softer = s.shear_modulus * std::max(0.05, 1.0 + p(0) * sigma / 1e4);
-    return tau * std::expm1(-j / softer) / std::expm1(-j / s.shear_modulus);
+    // With the rounding of janosi_mobilised(), which the ratio takes out of tau.
+    const double before = 1.0 - std::exp(-j / s.shear_modulus);
+    return before > 0 ? tau * (1.0 - std::exp(-j / softer)) / before : tau;
   }
 };
 

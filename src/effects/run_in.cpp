@@ -36,7 +36,7 @@ class RunIn final : public Effect {
  public:
   using Effect::Effect;
   unsigned hooks() const override { return kSoil; }
-  void soil(const bekker::Context& c, const bekker::Point&, bekker::LocalSoil& s) const override {
+  void soil(const bekker::Context& c, bekker::LocalSoil& s) const override {
     if (c.phase_average) return;
     const double left = 0.5 * std::exp(-std::abs(c.wheel_angle) * c.radius / p(0));
     s.k *= 1.0 + left;

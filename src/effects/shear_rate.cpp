@@ -32,7 +32,7 @@ class ShearRate final : public Effect {
   unsigned hooks() const override { return kShear; }
   double shear(const bekker::Context&, const bekker::Point& q, const bekker::LocalSoil&, double,
                double tau) const override {
-    return tau * std::max(0.0, 1.0 + p(0) * std::log1p(q.slide_speed / p(1)));
+    return tau * std::max(0.0, 1.0 + p(0) * std::log(1.0 + q.slide_speed / p(1)));
   }
 };
 

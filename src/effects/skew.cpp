@@ -52,8 +52,7 @@ class Skew final : public Effect {
  private:
   double lateral(const bekker::Context& c, const bekker::Point& q) const {
     if (!std::isfinite(c.slip)) return 0.0;
-    const double entry = std::acos(std::clamp(1.0 - c.sinkage / c.radius, -1.0, 1.0));
-    return c.radius * std::max(0.0, 1.0 - c.slip) * std::max(0.0, entry - q.theta) * tan_angle_;
+    return c.radius * std::max(0.0, 1.0 - c.slip) * std::max(0.0, q.entry_angle - q.theta) * tan_angle_;
   }
 
   double tan_angle_ = std::tan(p(0)), sin_angle_ = std::sin(p(0));

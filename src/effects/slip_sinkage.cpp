@@ -31,7 +31,7 @@ class SlipSinkage final : public Effect {
  public:
   using Effect::Effect;
   unsigned hooks() const override { return kSoil; }
-  void soil(const bekker::Context& c, const bekker::Point&, bekker::LocalSoil& s) const override {
+  void soil(const bekker::Context& c, bekker::LocalSoil& s) const override {
     const double a = c.slip >= -1 ? std::abs(c.slip) : 2.0 + 1.0 / c.slip;
     if (p(1) == 0.0) {
       s.n += p(0) * a;

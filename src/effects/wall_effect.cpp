@@ -36,7 +36,7 @@ class WallEffect final : public Effect {
  public:
   using Effect::Effect;
   unsigned hooks() const override { return kSoil; }
-  void soil(const bekker::Context& c, const bekker::Point&, bekker::LocalSoil& s) const override {
+  void soil(const bekker::Context& c, bekker::LocalSoil& s) const override {
     const double far = c.travel_length > 0 ? std::exp(-std::max(0.0, c.travel_length - c.position) / p(1)) : 0.0;
     s.k *= 1.0 + p(0) * (std::exp(-std::max(0.0, c.position) / p(1)) + far);
   }

@@ -517,6 +517,7 @@ void NodeSpringTerrain::Roll::point(RollCell& out, const Place& at, double x, do
     point.sin_theta = sin_t;
     point.cos_theta = cos_t;
     point.shear_displacement = length_j;
+    point.entry_angle = arc.theta_f;
     const double side = context.forward_velocity * tan_slip_angle, slide = rim_speed - context.forward_velocity * cos_t;
     point.slide_speed = std::sqrt(slide * slide + side * side);
     const double sin_e = front ? sin_t : std::sin(equivalent);

@@ -105,8 +105,8 @@ class LayeredSoil final : public SoilField {
 class FieldModifier final : public bekker::StressModifier {
  public:
   explicit FieldModifier(std::shared_ptr<const SoilField> field) : field_(std::move(field)) {}
-  unsigned hooks() const override { return kSoil; }
-  void soil(const bekker::Context&, const bekker::Point& point, bekker::LocalSoil& soil) const override {
+  unsigned hooks() const override { return kSoilAtPoint; }
+  void soil_at(const bekker::Context&, const bekker::Point& point, bekker::LocalSoil& soil) const override {
     field_->at(0.0, 0.0, point.sinkage, soil);
   }
 

@@ -521,7 +521,8 @@ TEST(EveryEffect, HasASmoothOneSidedDerivativeAtItsNullValue) {
 TEST(EveryEffect, IntegralsKeepTheirTolerance) {
   constexpr double kIntegral = 1e-8;  // of the load: ten times the solver's tolerance, for touching corners
   std::vector<Wanted> sets = {{{"penetration_rate", {}}, {"hard_layer", {}}, {"interface_friction", {}}},
-                              {{"hard_layer", {{"depth", 0.002}, {"stiffening", 5}}}, {"interface_friction", {{"delta", 0.25}, {"adhesion", 200}}}}};
+                              {{"hard_layer", {{"depth", 0.002}, {"stiffening", 5}}}, {"interface_friction", {{"delta", 0.25}, {"adhesion", 200}}}},
+                              {{"rear_contact", {}}, {"bulldozing", {}}, {"curved_failure_envelope", {}}}};
   for (const EffectType& t : all_effects()) sets.push_back({{std::string(t.info->id), {}}});
   for (const Wanted& wanted : sets) {
     const EffectSet set(wanted);
@@ -547,6 +548,31 @@ TEST(EveryEffect, IntegralsKeepTheirTolerance) {
         EXPECT_NEAR(radius * 0.16 * sum * length / 3.0, wanted_load, kIntegral * load) << wanted.begin()->first << " at slip " << slip << ", " << load << " N";
       }
   }
+}
+
+// Every three effects together against the solution at a thousandth of the tolerance, which passes through finer rules:
+// also where corners of the laws only just touch, as those of peak_shear and interface_friction do at high slip.
+TEST(EveryThreeEffects, KeepTheToleranceOfTheSteadyWheel) {
+  constexpr double kClose = 1e-8;  // of load, load times radius and sinkage: ten times the tolerance, for touching corners
+  std::vector<std::string> ids;
+  for (const EffectType& t : all_effects())
+    if (!EffectSet(Wanted{{std::string(t.info->id), {}}}).modifiers().empty()) ids.emplace_back(t.info->id);
+  for (std::size_t i = 0; i < ids.size(); ++i)
+    for (std::size_t j = i + 1; j < ids.size(); ++j)
+      for (std::size_t k = j + 1; k < ids.size(); ++k) {
+        const EffectSet set(Wanted{{ids[i], {}}, {ids[j], {}}, {ids[k], {}}});
+        const bekker::SteadyWheel wheel({0.13, 0.16}, reference_soil(), {}, {nullptr, nullptr, set.modifiers()});
+        const bekker::SteadyWheel finer({0.13, 0.16}, reference_soil(), {}, {nullptr, nullptr, set.modifiers()}, {.tolerance = 1e-12});
+        for (const double slip : {-0.35, 0.18, 0.82}) {
+          bekker::Operating o = reference(115.0 + 94.0 * slip);
+          o.slip = slip;
+          o.phase_average = true;
+          const bekker::SteadyState a = wheel.solve(o), b = finer.solve(o);
+          EXPECT_NEAR(a.drawbar_pull, b.drawbar_pull, kClose * o.normal_load) << ids[i] << ", " << ids[j] << ", " << ids[k] << " at slip " << slip;
+          EXPECT_NEAR(a.driving_torque, b.driving_torque, kClose * o.normal_load * 0.13) << ids[i] << ", " << ids[j] << ", " << ids[k];
+          EXPECT_NEAR(a.sinkage, b.sinkage, kClose * b.sinkage) << ids[i] << ", " << ids[j] << ", " << ids[k] << " at slip " << slip;
+        }
+      }
 }
 
 // Random soils and wheels, parameters at their bounds and anywhere between: finite, or an error that says why.
