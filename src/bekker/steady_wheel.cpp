@@ -64,7 +64,13 @@ const Rule& rule_of_piece(std::size_t whole, double length) {
     for (std::size_t n = 0; n <= kOrders.back(); ++n) out.push_back(rule_of(std::max(n, kFewest)));
     return out;
   }();
-  const double share = std::asinh(1.0) / std::asinh(1.0 / length);
+  constexpr std::size_t kLengths = 128;  // rounded up
+  static const auto shares = [] {
+    std::array<double, kLengths + 1> out{};
+    for (std::size_t i = 1; i <= kLengths; ++i) out[i] = std::asinh(1.0) / std::asinh(static_cast<double>(kLengths) / static_cast<double>(i));
+    return out;
+  }();
+  const double share = shares[static_cast<std::size_t>(std::ceil(length * kLengths))];
   return table[std::max(kFewest, static_cast<std::size_t>(std::ceil(share * static_cast<double>(whole))))];
 }
 
@@ -254,7 +260,7 @@ struct Evaluator {
     const bool none = corner[0] > 1.0;
     if (!lost && !(none && kept->thorough)) return;
     // Near u = 0 the stress is too small for its corners to count.
-    constexpr std::array<double, 3> kFew = {0.02, 0.3, 1.0};
+    constexpr std::array<double, 6> kFew = {0.02, 0.12, 0.24, 0.5, 0.75, 1.0};
     constexpr std::array<double, 14> kMany = {0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.96, 1.0};
     const std::span<const double> searched = kept->thorough ? std::span<const double>(kMany) : std::span<const double>(kFew);
     corner.fill(2.0);
@@ -267,7 +273,6 @@ struct Evaluator {
       f[i] = value(searched[i]);
       if (i > 0) add(searched[i - 1], f[i - 1], searched[i], f[i]);
     }
-    if (!kept->thorough) return;
     // Where the value turns back before it reaches zero at three places, it may cross zero twice between them.
     for (std::size_t i = 1; i + 1 < searched.size(); ++i) {
       double a = searched[i - 1], mid = searched[i], b = searched[i + 1], f_a = f[i - 1], f_m = f[i], f_b = f[i + 1];
@@ -277,6 +282,8 @@ struct Evaluator {
         const double left = (f_m - f_a) / (mid - a), right = (f_b - f_m) / (b - mid);
         double c = 0.5 * (a + mid) - 0.5 * left * (b - a) / (right - left);
         if (!(right != left) || std::abs(c - mid) < 1e-4) break;
+        const double least = f_m - 0.25 * (left + right) * (left + right) * (b - a) / (right - left) / 4.0;
+        if (!kept->thorough && least / f_m > 0.3) break;
         c = std::clamp(c, a + 0.05 * (mid - a), b - 0.05 * (b - mid));
         const double f_c = value(c);
         if ((f_c > 0) != (f_m > 0)) {
