@@ -223,6 +223,19 @@ struct Evaluator {
                        [&](double at) { return (at - a) * (b - at) > 0; });
   }
 
+  // Where to divide what has a branch's end on both sides: at the corner nearest to its middle, which then cuts no half.
+  double divide(double a, double b) const {
+    constexpr double kFar = 0.47;  // of the length, from the middle
+    const double middle = 0.5 * (a + b);
+    double out = middle, nearest = kFar * std::abs(b - a);
+    for (std::size_t i = 0; i < corner_count; ++i) {
+      if (!(std::abs(corners[i] - middle) < nearest)) continue;
+      nearest = std::abs(corners[i] - middle);
+      out = corners[i];
+    }
+    return out;
+  }
+
   // Where in u of [from, to] the shear passes corners; from where they were before, if that is known.
   void find_shear_corners(double from, double to, const StressModifier& m, std::array<double, kPerPanel>& corner) {
     const auto value = [&](double u) {
@@ -350,7 +363,7 @@ struct Evaluator {
     }
     const auto both_ends = [&](double a, double b) {
       if (a != b && work_both(a, b)) return;
-      const double middle = 0.5 * (a + b);
+      const double middle = divide(a, b);
       integrate(a, middle);
       integrate(b, middle);
     };
@@ -656,7 +669,7 @@ SteadyState SteadyWheel::solve(const Operating& operating) const {
   const double close = 0.3 * options_.tolerance;
   const auto excess = [&](const SteadyState& s) { return std::abs(s.normal_load - problem.load) / problem.load; };
   int order = 2;
-  SteadyState state = problem.find(guess, 0, modified ? 1e-4 : 2e-3);
+  SteadyState state = problem.find(guess, 0, 2e-3);
   int state_order = 0;
   double coarse_difference = 0.0;  // between the rule before and this one
   for (bool first = true;; first = false) {
