@@ -99,8 +99,16 @@ struct Evaluator {
   // Where shear has corners in each panel, in u: kept by the caller from one entry angle to the next.
   static constexpr std::size_t kPanels = 6, kShearCorners = 4;
   static constexpr std::size_t kPerPanel = 4;
+  struct ShearCorner {
+    double u = 2.0;      // above 1: none
+    double slope = 0.0;  // of StressModifier::shear_corner() over u
+  };
+  struct PanelCorners {
+    std::array<ShearCorner, kPerPanel> found{};
+    bool end = false;  // whether StressModifier::shear_corner() is above zero at u = 1
+  };
   struct ShearCorners {
-    std::array<std::array<std::array<double, kPerPanel>, kShearCorners>, kPanels> u{};  // above 1: none
+    std::array<std::array<PanelCorners, kShearCorners>, kPanels> at{};
     bool thorough = false;  // many places are searched
     double entry = 0.0;    // at which they were found; 0: never
     double stale = 0.0;    // relative change of the entry angle up to which they stay
@@ -237,7 +245,8 @@ struct Evaluator {
   }
 
   // Where in u of [from, to] the shear passes corners; from where they were before, if that is known.
-  void find_shear_corners(double from, double to, const StressModifier& m, std::array<double, kPerPanel>& corner) {
+  void find_shear_corners(double from, double to, const StressModifier& m, PanelCorners& corners_here) {
+    std::array<ShearCorner, kPerPanel>& corner = corners_here.found;
     const auto value = [&](double u) {
       ++evaluations;
       const double theta = from + (to - from) * u * u * u;
@@ -251,32 +260,42 @@ struct Evaluator {
       double u = 0.5 * (a + b);
       for (int i = 0; i < 40 && b - a > kClose; ++i) {
         const double c = i > 3 ? 0.5 * (a + b) : (a * f_b - b * f_a) / (f_b - f_a), f_c = value(c);
-        if (f_c == 0.0) return c;
+        if (f_c == 0.0) return ShearCorner{c, (f_b - f_a) / (b - a)};
         const bool left = (f_c > 0) == (f_a > 0);
         u = a * f_b * f_c / ((f_a - f_b) * (f_a - f_c)) + b * f_a * f_c / ((f_b - f_a) * (f_b - f_c)) + c * f_a * f_b / ((f_c - f_a) * (f_c - f_b));
         const double far_end = left ? b : a;
-        if (std::abs(u - c) < kept->bend && (u - c) * (far_end - c) > 0 && std::abs(u - c) < std::abs(far_end - c)) return u;
+        if (std::abs(u - c) < kept->bend && (u - c) * (far_end - c) > 0 && std::abs(u - c) < std::abs(far_end - c)) return ShearCorner{u, f_c / (c - u)};
         (left ? a : b) = c;
         (left ? f_a : f_b) = f_c;
         u = c;
       }
-      return u;
+      return ShearCorner{u, (f_b - f_a) / (b - a)};
     };
-    constexpr double kAround = 0.005;
-    bool lost = !found_before;
-    for (double& u : corner) {
-      if (lost || u > 1.0) continue;
-      const double a = u - kAround, b = std::min(1.0, u + kAround), f_a = value(a), f_b = value(b);
-      lost = (f_a > 0) == (f_b > 0);
-      if (!lost) u = between(a, f_a, b, f_b);
+    // From where a corner was: along the slope there, then along chords.
+    constexpr double kFarthest = 0.06, kNear = 0.05;  // of kept->bend
+    // What the panel's end says has changed where a corner came in or went out there.
+    bool lost = !found_before || (value(1.0) > 0) != corners_here.end;
+    for (ShearCorner& c : corner) {
+      if (lost || c.u > 1.0) continue;
+      double f = value(c.u), slope = c.slope, step = -f / slope;
+      for (int i = 0; i < 4 && std::abs(step) > kNear * kept->bend && std::abs(step) < kFarthest; ++i) {
+        const double u = std::clamp(c.u + step, 0.0, 1.0), f_u = value(u);
+        if (u == c.u) break;
+        slope = (f_u - f) / (u - c.u);
+        c.u = u;
+        f = f_u;
+        step = -f / slope;
+      }
+      lost = !(std::abs(step) <= kNear * kept->bend && slope * c.slope > 0 && c.u + step <= 1.0);
+      c = {c.u + step, slope};
     }
-    const bool none = corner[0] > 1.0;
+    const bool none = corner[0].u > 1.0;
     if (!lost && !(none && kept->thorough)) return;
     // Near u = 0 the stress is too small for its corners to count.
     constexpr std::array<double, 6> kFew = {0.02, 0.12, 0.24, 0.5, 0.75, 1.0};
     constexpr std::array<double, 14> kMany = {0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.96, 1.0};
     const std::span<const double> searched = kept->thorough ? std::span<const double>(kMany) : std::span<const double>(kFew);
-    corner.fill(2.0);
+    corner.fill({});
     std::size_t found = 0;
     const auto add = [&](double a, double f_a, double b, double f_b) {
       if ((f_a > 0) != (f_b > 0) && found < corner.size()) corner[found++] = between(a, f_a, b, f_b);
@@ -286,6 +305,7 @@ struct Evaluator {
       f[i] = value(searched[i]);
       if (i > 0) add(searched[i - 1], f[i - 1], searched[i], f[i]);
     }
+    corners_here.end = f[searched.size() - 1] > 0;
     // Where the value turns back before it reaches zero at three places, it may cross zero twice between them.
     for (std::size_t i = 1; i + 1 < searched.size(); ++i) {
       double a = searched[i - 1], mid = searched[i], b = searched[i + 1], f_a = f[i - 1], f_m = f[i], f_b = f[i + 1];
@@ -324,10 +344,10 @@ struct Evaluator {
     std::size_t n = 1;
     u[0] = 0.0;
     for (std::size_t i = 0; i < std::min(law.shear_corners.size(), kShearCorners); ++i) {
-      std::array<double, kPerPanel>& corner = kept->u[panel_index][i];
+      PanelCorners& corner = kept->at[panel_index][i];
       if (!fresh) find_shear_corners(from, to, *law.shear_corners[i], corner);
-      for (const double at : corner)
-        if (at < 1.0) u[n++] = at;
+      for (const ShearCorner& c : corner.found)
+        if (c.u < 1.0) u[n++] = c.u;
     }
     for (std::size_t i = 0; i < corner_count; ++i) {
       const double share = (corners[i] - from) / (to - from);
