@@ -719,7 +719,7 @@ SteadyState SteadyWheel::solve(const Operating& operating) const {
     // Two differences tell how fast the rules converge, and so what the finer one still errs by; not faster than a
     // broken power lets them, and with effects that is relied on further, for what they bend costs several rules more.
     const double ratio = difference / std::max(coarse_difference, difference);
-    const double error = difference * std::max(modified ? 0.0 : 0.3, ratio);
+    const double error = difference * std::max(modified ? 0.03 : 0.3, ratio);
     if (difference <= close || (error <= close && difference <= 100.0 * options_.tolerance)) {
       // What is left of the load: a step too small to bend the secant.
       if (way != 0 && now.normal_load != before.normal_load) {
