@@ -58,7 +58,7 @@ Json reading_json(const effects::Reading& r) {
 void agreement(const Common& common) {
   const std::vector<Agreement> rows = effects_agreement(common.threads);
   if (!common.json) {
-    std::fputs(agreement_markdown(rows).c_str(), stdout);
+    std::fputs(agreement_markdown(rows, effects_without_reason(common.threads)).c_str(), stdout);
     return;
   }
   Json all = Json::array();

@@ -23,10 +23,19 @@ struct Agreement {
 // 10 mm apart, averaged over the middle third. In the order of the list.
 std::vector<Agreement> effects_agreement(int threads);
 
+// Where an effect parts for a reason (Info::parts_in_time): the same measured with the reason taken away.
+struct ReasonAway {
+  std::string id;
+  std::string how;    // what was done about the reason
+  double gap = 0.0;   // as above
+  std::string error;
+};
+std::vector<ReasonAway> effects_without_reason(int threads);
+
 // Share of the change by which the methods may part.
 inline constexpr double kAgreement = 0.05;
 
 // docs/effects-agreement.md.
-std::string agreement_markdown(const std::vector<Agreement>& rows);
+std::string agreement_markdown(const std::vector<Agreement>& rows, const std::vector<ReasonAway>& without);
 
 }  // namespace terrode::cli

@@ -14,16 +14,15 @@ const Info& info() {
       "surface not parallel to the rail",
       "The soil's surface falls away from or rises to the rail, so that the measured sinkage grows along "
       "the travel.",
-      "z_measured = z + slope x, DP = DP + grade W slope",
+      "z_measured = z + slope x; a surface that falls: DP = (1 + e) DP + W slope, T = (1 + e) T, e = slope DP/W",
       "geometry",
       {{"slope", "-", 0, -0.1, 0.1, 0.005, 0.005, Scale::linear, true, "sinkage per metre of travel"},
        {"grade", "-", 1, 0, 1, 1, 1, Scale::choice, false, "1: the surface falls, and the wheel rolls down it; 0: the rail rises, and the sinkage is measured from it"}},
       "bed",
       {0, 0, 1, false, false, true, false, false,
-       "sinkage linear along the travel, the same in every run; pull up by a small share of the load, torque unchanged"},
+       "sinkage linear along the travel, the same in every run; pull up by a small share of the load, torque nearly the same"},
       {"density_gradient", "sensor_drift"},
-      "an unloaded pass with the sinkage sensor",
-      "the pull, inclined with the bed, changes the load on the soil by pull times slope; the steady wheel leaves that out"};
+      "an unloaded pass with the sinkage sensor"};
   return out;
 }
 
@@ -38,8 +37,11 @@ class BedDrift final : public Effect {
   }
   void quasi_static(const Sample& m, Reading& r) const override {
     if (!falls()) return;
+    // The pull is inclined with the bed and so presses or lifts the wheel; forces are taken in proportion to the load.
+    const double share = r.drawbar_pull * p(0) / m.context.normal_load;
     r.sinkage += p(0) * m.position;
-    r.drawbar_pull += m.context.normal_load * p(0);
+    r.driving_torque *= 1.0 + share;
+    r.drawbar_pull = (1.0 + share) * r.drawbar_pull + m.context.normal_load * p(0);
   }
 
  private:

@@ -21,7 +21,8 @@ const Info& info() {
       "A stiff skin carries load until it breaks: pressure rises to the crust's strength within its depth "
       "and falls after.",
       "sigma = sigma + strength (z/depth) exp(1 - z/depth)",
-      "constructed here; critical pressure of crusts in Wong, Garber & Preston-Thomas 1984 (from memory)",
+      "constructed here; a critical pressure at which the surface mat breaks is seen in plate tests: Wong, Terramechanics and "
+      "Off-Road Vehicle Engineering 2010, ch. 4 (abstract)",
       {{"strength", "Pa", 0, 0, 1e7, 5e3, 5e3, Scale::linear, true, "pressure the skin carries at most"},
        {"depth", "m", 0.003, 0.0003, 0.3, 0.005, 0.005, Scale::log, false, "sinkage at which it breaks"}},
       "pressure",

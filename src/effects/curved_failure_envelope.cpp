@@ -13,8 +13,8 @@ const Info& info() {
                         "curved failure envelope",
                         "The friction angle falls as the normal stress rises.",
                         "phi = phi0 - dphi log10(sigma/10 kPa), within 0 and 80 deg, sigma taken as 1 Pa at least",
-                        "form of Duncan et al. 1980: a fall of phi for every tenfold of stress (theirs is the minor "
-                        "principal stress over the atmosphere's); range of 3 to 10 deg from memory",
+                        "form of Duncan 2004, Friction Angles for Sand, Gravel and Rockfill (lecture): a fall of phi for "
+                        "every tenfold of stress (there the minor principal stress over the atmosphere's)",
                         {{"dphi", "rad", 0, -0.2, 0.4, 0.07, 0.07, Scale::linear, true,
                           "fall of the friction angle per decade of stress"}},
                         "shear",

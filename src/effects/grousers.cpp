@@ -22,7 +22,7 @@ const Info& info() {
       "they enter one after another.",
       "form 0: drive = (count h/(2 pi r)) [N_phi (gamma (depth + h)/2 + 0.06 sigma) + 2 c sqrt(N_phi) + 0.4 k (h/b)^n] "
       "sign(s)(1 - exp(-|s|/0.1)) (1 + 0.1 sin(count psi)); form 1: drive = (h/(2 r)) tau, with the same law of slip and ripple",
-      "passive wedge of Bekker 1969 (from memory) on each lug, spread over the rim; the bearing of the lug's face (0.4 of a plate "
+      "passive earth pressure (Rankine) on the face of each lug, spread over the rim, the bearing of the lug's face (0.4 of a plate "
       "pushed as deep as the lug is high), the share of sigma and the slip law constructed here; ripple of lugs: Irani, "
       "Bauer & Warkentin 2011, J. Terramechanics 48:307; form 1: the soil shears at r + h/2 (Ding et al. 2011), its torque and pull "
       "grown in proportion",

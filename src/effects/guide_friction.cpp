@@ -12,7 +12,7 @@ const Info& info() {
                         "The vertical guide carries part of the weight: the load on the soil is not the weight on the "
                         "carriage.",
                         "W_soil = W - F",
-                        "constructed here; load application methods differ, Daca, Tremblay & Skonieczny 2022",
+                        "constructed here",
                         {{"force", "N", 0, -100, 100, 5, 5, Scale::linear, true, "what the guide carries"}},
                         "rig: load",
                         {-1, -1, -1, false, false, false, false, false,

@@ -21,7 +21,7 @@ const Info& info() {
       "A firmer layer or the bin's floor lies below: pressure rises faster than the power law beyond a "
       "depth.",
       "sigma = sigma [1 + stiffening (z - depth)/depth], z > depth",
-      "constructed here; stiff bottom of Bekker 1969 (from memory)",
+      "constructed here",
       {{"stiffening", "-", 0, 0, 50, 1, 1, Scale::linear, true, "relative rise of pressure per depth"},
        {"depth", "m", 0.006, 0.001, 1, 0.006, 0.006, Scale::log, false, "where it begins"}},
       "pressure",

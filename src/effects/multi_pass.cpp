@@ -16,8 +16,7 @@ const Info& info() {
       "multi-pass compaction",
       "Ground that was driven over is denser: its sinkage modulus grows with every pass, less each time.",
       "k_N = k [1 + gain (1 - exp(-(N - 1)/passes))]",
-      "nested form constructed here, after the multi-pass trends of Senatore & Sandu 2011, J. "
-      "Terramechanics 48:372",
+      "constructed here",
       {{"gain", "-", 0, -0.5, 20, 0.8, 1, Scale::linear, true, "relative growth of k after many passes"},
        {"passes", "-", 1, 0.3, 10, 1.5, 1, Scale::linear, false, "passes over which most of it happens"}},
       "pressure",

@@ -15,8 +15,8 @@ const Info& info() {
       "Soil resists fast penetration more: pressure grows with the velocity at which the wheel's surface "
       "enters.",
       "sigma = sigma [(v_n + 1e-5 m/s)/(0.01 m/s)]^m, v_n at the point that sets the pressure",
-      "power of the penetration velocity after Grahn 1991, J. Terramechanics 28:339 (from memory); reference velocity and "
-      "floor constructed here",
+      "power law, reference velocity and floor constructed here; that resistance grows with the rate of penetration is "
+      "measured in clay: Rate effects on penetrometer resistance in kaolin, 2009 (abstract)",
       {{"m", "-", 0, -0.3, 0.5, 0.05, 0.05, Scale::linear, true, "exponent"}},
       "pressure",
       {0, 0, 1, true, false, false, false, false, "sinkage falls with speed (more than without the effect below an entry of 0.01 m/s, less above), forces hardly change"},

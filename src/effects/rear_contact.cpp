@@ -16,7 +16,7 @@ const Info& info() {
       "contact behind the lowest point",
       "The rut springs back or soil is carried round: the wheel still touches behind its lowest point, and "
       "the pressure there pushes forward.",
-      "theta_r = -acos(1 - lambda z/r)",
+      "theta_r = -acos(1 - lambda z/r), near zero -sqrt(2 lambda z/r): smooth in the root of lambda",
       "Ishigami, Miwa, Nagatani & Yoshida 2007, J. Field Robotics 24:233 (as public codes have it)",
       {{"lambda", "-", 0, 0, 1.5, 0.1, 0.2, Scale::linear, true, "height of rear contact over sinkage"}},
       "contact geometry",

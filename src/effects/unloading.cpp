@@ -17,9 +17,9 @@ const Info& info() {
       "Unloaded soil springs back along a stiff line, so the wheel touches behind its lowest point by the "
       "rebound.",
       "p = p_u - (k0 + A_u z_u)(z_u - z); rebound z_e = p_u/(k0 + A_u z), p_u = 1.5 W/(b r theta_f); lambda = min(z_e/z, 1.5) "
-      "in theta_r = -acos(1 - lambda z/r)",
-      "line of Wong, Theory of Ground Vehicles (names k0, A_u checked, form from memory); rebound as an exit angle "
-      "constructed here",
+      "in theta_r = -acos(1 - lambda z/r): smooth in the root of 1/k0",
+      "line of Wong, Terramechanics and Off-Road Vehicle Engineering 2010 (as public codes have it); rebound as an exit "
+      "angle constructed here",
       {{"k0", "N/m^3", kInfinity, 1e4, 1e12, 2e7, 1e-6, Scale::inverse, true, "unloading stiffness at zero sinkage"},
        {"A_u", "N/m^4", 0, 0, 1e12, 0, 1e8, Scale::linear, false, "its growth with the sinkage before unloading", false}},
       "contact geometry; state of nodes",

@@ -17,7 +17,7 @@ const Info& info() {
       "A wheel or tyre that flattens under load touches along a longer and flatter arc, as a larger rigid "
       "wheel would.",
       "r* = r (1 + min(f/z, 3)), f = W/stiffness: r* has at depth z the chord that r has at z + f",
-      "substitute circle, an idea of Harnisch et al. 2005 (from memory); this circle is constructed here",
+      "constructed here: a rigid circle that touches as the flattened wheel does",
       {{"stiffness", "N/m", kInfinity, 1e2, 1e9, 2e5, 1e-5, Scale::inverse, true, "radial stiffness of the wheel"}},
       "contact geometry",
       {1, 1, -1, false, false, false, false, false,

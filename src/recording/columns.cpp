@@ -280,6 +280,7 @@ void fill_run(const CsvTable& table, const ReadingRule& rule, Run& run, Problems
       used.push_back(clock);
       ColumnUse as_time;
       as_time.channel = "time";
+      if (const HeaderName h = split_header(use.clock); h.has_unit) as_time.unit = h.unit;
       const std::vector<double> own = read_use(table, *clock, as_time, problems);
       std::vector<double> t, x;
       for (std::size_t i = 0; i < own.size(); ++i) {

@@ -679,7 +679,8 @@ TEST(EffectSet, EnergyAuditOfSoilAndWheelEffectsCloses) {
   }
 }
 
-// Without ground that varies, the bed gives or takes what the wheel's fall or rise does.
+// Without ground that varies, the bed gives or takes what the wheel's fall or rise does; the soil takes as much as before,
+// more by what the inclined pull adds to the load, which the torque tells.
 TEST(EffectSet, EnergyOfABedIsThatOfTheWheelsHeight) {
   for (const EffectType& t : all_effects()) {
     const EffectSet set(Wanted{{std::string(t.info->id), {}}});
@@ -689,7 +690,11 @@ TEST(EffectSet, EnergyOfABedIsThatOfTheWheelsHeight) {
     const double h = 1e-6;
     const Reading at = instant(t, {}, 0, 0, o.position), ahead = instant(t, {}, 0, 0, o.position + h), behind = instant(t, {}, 0, 0, o.position - h);
     const double fall = (ahead.sinkage - behind.sinkage) / (2 * h);
-    EXPECT_NEAR(at.drawbar_pull - without().drawbar_pull, o.normal_load * fall, 1e-4 * o.normal_load * std::abs(fall));
+    const Reading plain = without();
+    const double omega = o.angular_velocity, speed = 0.13 * omega * (1.0 - o.slip), heavier = at.driving_torque / plain.driving_torque;
+    const double taken = plain.driving_torque * omega - plain.drawbar_pull * speed;
+    EXPECT_NEAR(at.driving_torque * omega - at.drawbar_pull * speed + o.normal_load * fall * speed, heavier * taken, 1e-5 * taken);
+    EXPECT_NEAR(heavier - 1.0, t.info->id == "bed_drift" ? plain.drawbar_pull * fall / o.normal_load : 0.0, 1e-9);
   }
 }
 

@@ -183,7 +183,7 @@ soil_tests:
 TEST_F(RecordingFileTest, ReadsThroughAColumnMap) {
   put("lab.txt", "rig 7\n0,0;10,0;-1,5;1,0;0;0,5\n0,1;10,5;-1,6;1,1;0,05;0,6\n0,2;11,0;-1,7;1,2;0,15;0,7\n0,3;11,5;-1,8;1,3;0,25;0,8\n");
   put("tare.txt", "rig 7\n0;0;-0,5;0,1;0;0\n1;0;-0,5;0,1;1;0\n");
-  const auto c = check(R"(format: recording/1
+  const std::string map = R"(format: recording/1
 wheel: {radius: 0.13, width: 0.16}
 csv: {separator: semicolon, decimal: comma, header: no, skip_rows: 1}
 columns:
@@ -194,9 +194,17 @@ columns:
   normal_load: {column: 6, unit: kN, clock: 5}
 tare: tare.txt
 runs: [{file: lab.txt, slip: 0.1}]
-)");
-  // Column 5 has no unit of its own; the clock of a column is asked for one.
-  EXPECT_THAT(texts(c.problems), Contains(HasSubstr("5: has no unit")));
+)";
+  // Column 5 has no unit of its own; the clock of a column is asked for one, which stands in brackets behind it.
+  EXPECT_THAT(texts(check(map).problems), Contains(HasSubstr("5: has no unit, expected '5 [s]'")));
+  const auto c = check(std::string(map).replace(map.find("clock: 5"), 8, "clock: '5 [s]'"));
+  ASSERT_THAT(texts(c.problems), ElementsAre());
+  const auto& run = c.recording.runs[0];
+  EXPECT_NEAR(run.time[3], 0.3, kRounding);
+  EXPECT_NEAR(run.find("sinkage")->values[3], 0.0015, kRounding);
+  EXPECT_NEAR(run.find("drawbar_pull")->values[0], 1.5 - 0.5, kRounding);
+  EXPECT_NEAR(run.find("driving_torque")->values[2], 6.2 * (1.2 - 0.1), kRounding);
+  EXPECT_NEAR(run.find("normal_load")->values[1], 650, 1e-9);
 }
 
 TEST_F(RecordingFileTest, MapsSubtractsTareAndBringsClocksTogether) {
