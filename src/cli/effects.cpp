@@ -48,7 +48,8 @@ Json effect_json(const EffectType& type) {
            {{"drawbar_pull", number(d.drawbar_pull)}, {"driving_torque", number(d.driving_torque)}, {"sinkage", number(d.sinkage)}}},
           {"confused_with", i.confused_with},
           {"separated_by", i.separated_by},
-          {"parts_in_time", i.parts_in_time}};
+          {"parts_in_time", i.parts_in_time},
+          {"energy", i.energy}};
 }
 
 Json reading_json(const effects::Reading& r) {

@@ -22,7 +22,8 @@ const Info& info() {
       {"periodic_failure", "grousers"},
       "change the speed; tap the carriage with the wheel lifted",
       {},
-      {.ripple_alone = true}};
+      {.ripple_alone = true},
+      "to and fro between carriage and belt: none over a period"};
   return out;
 }
 

@@ -122,6 +122,7 @@ std::string catalogue_entry(const EffectType& type) {
   if (!i.confused_with.empty()) line("confused with", join(i.confused_with));
   line("told apart by", std::string(i.separated_by));
   if (!i.parts_in_time.empty()) line("in time", std::string(i.parts_in_time));
+  if (!i.energy.empty()) line("energy", std::string(i.energy));
   return out;
 }
 
@@ -167,6 +168,7 @@ std::string catalogue_markdown() {
       out += ".\n";
     }
     out += fmt::format("* Told apart by: {}.\n* Source: {}.\n", i.separated_by, i.source);
+    if (!i.energy.empty()) out += fmt::format("* Energy: {}.\n", i.energy);
   }
   return out;
 }

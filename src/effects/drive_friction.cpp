@@ -19,7 +19,10 @@ const Info& info() {
       "rig",
       {0, 1, 0, false, false, false, false, false, "torque off by the same amount in all runs that turn the same way"},
       {"torque_bias"},
-      "turn the wheel in air both ways; vary the speed"};
+      "turn the wheel in air both ways; vary the speed",
+      {},
+      {},
+      "the motor heats bearing and gear: torque |omega|"};
   return out;
 }
 

@@ -21,7 +21,8 @@ const Info& info() {
                         {"undulation"},
                         "phase against the encoder at two speeds",
                         {},
-                        {.ripple_alone = true}};
+                        {.ripple_alone = true},
+                        "the drive lifts the load and has it back: none over a turn"};
   return out;
 }
 

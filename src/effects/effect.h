@@ -99,6 +99,9 @@ struct Info {
   // Why a simulation in time parts from the steady means by more than a twentieth of the change; empty: it does not.
   std::string_view parts_in_time = {};
   Search search = {};
+  // Of an effect of the rig that acts: where its energy comes from or goes. Empty: soil or bed take it, or nothing acts and
+  // a sensor only shows something else.
+  std::string_view energy = {};
 };
 
 // One instant of a run, as the rig and its sensors see it.

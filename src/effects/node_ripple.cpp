@@ -20,7 +20,8 @@ const Info& info() {
                         {"undulation"},
                         "halve the spacing: the line moves and shrinks",
                         {},
-                        {.ripple_alone = true}};
+                        {.ripple_alone = true},
+                        "the load rises and falls: none over a node"};
   return out;
 }
 

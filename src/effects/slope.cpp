@@ -19,7 +19,10 @@ const Info& info() {
                         {-1, 0, 0, false, false, false, false, false,
                          "pull off by a share of the load at every slip; torque and sinkage stay"},
                         {"crosstalk", "drawbar_bias", "bulldozing"},
-                        "reverse the run: a slope changes sign, cross-talk does not"};
+                        "reverse the run: a slope changes sign, cross-talk does not",
+                        {},
+                        {},
+                        "the load is lifted: W v sin(angle)"};
   return out;
 }
 

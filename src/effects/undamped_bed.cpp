@@ -21,7 +21,8 @@ const Info& info() {
       {"carriage_resonance"},
       "repeat with damping; change the mass",
       {},
-      {.ripple_alone = true}};
+      {.ripple_alone = true},
+      "to and fro between the wheel and springs of the bed: none over a period"};
   return out;
 }
 

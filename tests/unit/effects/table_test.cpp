@@ -679,6 +679,29 @@ TEST(EffectSet, EnergyAuditOfSoilAndWheelEffectsCloses) {
   }
 }
 
+// What acts in the rig says where its energy comes from, and over its period takes as much as it says; sensors take none.
+TEST(EveryEffect, ClosesItsEnergyOrStatesTheSource) {
+  const bekker::Operating o = reference();
+  const Reading base = without();
+  const double omega = o.angular_velocity, speed = 0.13 * omega * (1.0 - o.slip), power = o.normal_load * speed;
+  for (const EffectType& t : all_effects()) {
+    SCOPED_TRACE(std::string(t.info->id));
+    const EffectSet set(Wanted{{std::string(t.info->id), {}}});
+    const bool acts = !set.modifiers().empty() || set.has_bed(), shows = t.info->hook.starts_with("sensor");
+    EXPECT_EQ(t.info->energy.empty(), acts || shows);
+    if (acts || shows) continue;  // the audits of soil, wheel and bed; what is only shown does no work
+    double taken = 0.0;
+    constexpr int kInstants = 400;  // whole periods of turn, node and swing
+    for (int i = 0; i < kInstants; ++i) {
+      const double share = (i + 0.5) / kInstants;
+      const Reading r = instant(t, {}, 2.0 * std::numbers::pi * share, 0.2 * share, 0.2 * share);
+      taken += ((r.driving_torque - base.driving_torque) * omega - (r.drawbar_pull - base.drawbar_pull) * speed) / kInstants;
+    }
+    const double said = t.info->id == "slope" ? power * std::sin(0.0175) : t.info->id == "drive_friction" ? 0.3 * omega : 0.0;
+    EXPECT_NEAR(taken, said, 1e-8 * power);
+  }
+}
+
 // Without ground that varies, the bed gives or takes what the wheel's fall or rise does; the soil takes as much as before,
 // more by what the inclined pull adds to the load, which the torque tells.
 TEST(EffectSet, EnergyOfABedIsThatOfTheWheelsHeight) {
