@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <optional>
 
 #include "analysis/lines.h"
 #include "analysis/steady_state.h"
@@ -36,6 +37,27 @@ constexpr std::size_t kSpectraShown = 8;
 constexpr std::size_t kTextLines = 200;
 
 
+// Spectral density at a line, with the limits between which it lies with a probability of 95 %.
+struct LineDensity {
+  double density = 0.0, low = 0.0, high = 0.0, background = 0.0;
+};
+LineDensity density_at(const analysis::ChannelSpectrum& s, double frequency) {
+  const auto& f = s.spectrum.frequency;
+  const auto at = static_cast<std::size_t>(std::lower_bound(f.begin(), f.end(), frequency) - f.begin());
+  const std::size_t i = std::min(at > 0 && at < f.size() && frequency - f[at - 1] < f[at] - frequency ? at - 1 : at, f.size() - 1);
+  const auto [low, high] = s.spectrum.confidence(i);
+  const double d = s.spectrum.density[i];
+  return {d, low * d, high * d, s.background[i]};
+}
+
+// The resonance that a line may be: only one that no motion drives can be one.
+std::optional<analysis::Resonance> damping_of(const recording::Run& run, const std::string& channel, const analysis::SpectralLine& l) {
+  if (l.locked_to != analysis::Lock::time && l.locked_to != analysis::Lock::undecided) return std::nullopt;
+  analysis::EvenSeries series = analysis::even_series(run.time, run.find(channel)->values);
+  analysis::remove_trend(series.x, 1);
+  return analysis::resonance_near(series, l.frequency);
+}
+
 Json line_json(const recording::Run& run, const analysis::ChannelSpectrum& spectrum, const analysis::SpectralLine& l,
                const std::vector<std::string>& channels, const analysis::LineOptions& options) {
   const auto or_null = [](double x) { return x > 0.0 ? number(x) : Json(nullptr); };
@@ -54,13 +76,10 @@ Json line_json(const recording::Run& run, const analysis::ChannelSpectrum& spect
               {"lock_evidence", number(l.lock_evidence)},
               {"driver", l.driver}};
   if (l.harmonic_of >= 0) out["harmonic"] = {{"of", number(spectrum.lines[static_cast<std::size_t>(l.harmonic_of)].frequency)}, {"number", l.harmonic}};
-  if (l.locked_to == analysis::Lock::time || l.locked_to == analysis::Lock::undecided) {
-    const recording::Channel* c = run.find(spectrum.channel);
-    analysis::EvenSeries series = analysis::even_series(run.time, c->values);
-    analysis::remove_trend(series.x, 1);
-    if (const auto r = analysis::resonance_near(series, l.frequency))
-      out["damping"] = {{"frequency", number(r->frequency)}, {"ratio", number(r->damping)}, {"ratio_std", number(r->damping_std)}};
-  }
+  const LineDensity d = density_at(spectrum, l.frequency);
+  out["density"] = {{"value", number(d.density)}, {"confidence_95", {number(d.low), number(d.high)}}, {"background", number(d.background)}};
+  if (const auto r = damping_of(run, spectrum.channel, l))
+    out["damping"] = {{"frequency", number(r->frequency)}, {"ratio", number(r->damping)}, {"ratio_std", number(r->damping_std)}};
   Json coherence = Json::object();
   for (const std::string& other : channels) {
     if (other == spectrum.channel || !run.find(other)) continue;
@@ -95,7 +114,7 @@ Json track_json(const analysis::LineTrack& t, const std::vector<Item>& items) {
 std::string shown(double x, const char* format = "{:.4g}") { return x > 0.0 && std::isfinite(x) ? fmt::format(fmt::runtime(format), x) : "-"; }
 
 void write_report(const std::string& path, const analysis::Oscillation& o, const std::vector<recording::Run>& runs,
-                  const std::vector<Item>& items, const Common& common) {
+                  const std::vector<Item>& items, const analysis::LineOptions& options, const Common& common) {
   report::Page page("Oscillations");
   page.subtitle(fmt::format("{} runs, {} channels", runs.size(), o.channels.size())).command(common.command_line);
   std::size_t lines = 0, decided = 0;
@@ -120,6 +139,23 @@ void write_report(const std::string& path, const analysis::Oscillation& o, const
       table.rows.push_back({t.driver, analysis::lock_name(t.locked_to), value, std::string(units[static_cast<std::size_t>(t.locked_to)]), t.evidence, static_cast<double>(own)});
     }
     if (!table.rows.empty()) page.table(table);
+    report::Table lines_table;
+    lines_table.columns = {{"run"}, {"f [Hz]"}, {"order"}, {"amplitude"}, {"phase [deg]"}, {"share"}, {"coherence with (phase)"}, {"damping ratio"}};
+    constexpr double kDegrees = 180.0 / 3.14159265358979323846;
+    for (std::size_t i = 0; i < spectra.size(); ++i)
+      for (const auto& l : spectra[i].lines) {
+        std::string coherent;
+        for (const std::string& other : o.channels) {
+          if (other == channel || !runs[i].find(other)) continue;
+          const analysis::Coherence c = analysis::line_coherence(runs[i], spectra[i], other, l.frequency, options);
+          coherent += fmt::format("{}{} {:.2f} ({:.0f} deg)", coherent.empty() ? "" : ", ", other, c.coherence, kDegrees * c.phase);
+        }
+        report::Cell damping = std::string();
+        if (const auto r = damping_of(runs[i], channel, l)) damping = report::PlusMinus{r->damping, r->damping_std};
+        lines_table.rows.push_back({items[i].label, l.frequency, l.order > 0 ? report::Cell(l.order) : report::Cell(std::string()), l.amplitude,
+                                    kDegrees * l.phase, l.share_of_variance, coherent, damping});
+      }
+    if (!lines_table.rows.empty()) page.table(lines_table);
 
     // The runs with the strongest lines: density over background, so that runs of any level share one picture.
     std::vector<std::size_t> order;
@@ -133,18 +169,26 @@ void write_report(const std::string& path, const analysis::Oscillation& o, const
     density.title = "Spectral density";
     density.x = {"Frequency", "Hz", true};
     density.y = {"Density", unit.empty() ? "1/Hz" : "(" + unit + ")^2/Hz", true};
-    density.caption = "Multitaper estimates and, dashed, the red-noise background of the first. Lines stand above it.";
+    density.caption = "Multitaper estimates, of the first with its limits of 95 % confidence and, dashed, its red-noise background. Lines stand above it.";
     for (std::size_t k = 0; k < std::min(order.size(), kSpectraShown); ++k) {
       const auto& s = spectra[order[k]];
       report::Series curve;
       curve.name = items[order[k]].label;
-      report::Series back = curve;
+      curve.colour = static_cast<int>(k);
+      report::Series back = curve, band;
+      band.name = curve.name + ", 95 %";
+      band.draw = report::Draw::band;
       for (std::size_t i = 1; i < s.spectrum.frequency.size(); i += 1 + i / 200) {  // finer where the axis is wide
         if (s.spectrum.frequency[i] > s.highest) break;
         curve.x.push_back(s.spectrum.frequency[i]);
         curve.y.push_back(s.spectrum.density[i]);
         back.y.push_back(s.background[i]);
+        const auto [low, high] = s.spectrum.confidence(i);
+        band.low.push_back(low * s.spectrum.density[i]);
+        band.high.push_back(high * s.spectrum.density[i]);
       }
+      band.x = curve.x;
+      if (k == 0) density.series.push_back(band);
       back.x = curve.x;
       density.series.push_back(std::move(curve));
       if (k == 0) {
@@ -263,7 +307,7 @@ void oscillation(const Request& request, Common& common) {
   for (auto& [name, tracks] : o.tracks)
     for (analysis::LineTrack& t : tracks) name_ringing(t, o.spectra.at(name), items);
   if (o.channels.empty()) throw InputError("the runs have none of the known channels; name one with --channel");
-  if (!common.report.empty()) write_report(common.report, o, runs, items, common);
+  if (!common.report.empty()) write_report(common.report, o, runs, items, options, common);
 
   if (common.json) {
     Json files = Json::array();

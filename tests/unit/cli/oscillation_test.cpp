@@ -67,6 +67,11 @@ TEST_F(OscillationCommand, NamesTheRingingOfAnUndampedBed) {
       ++named;
       // 3.91 Hz: sqrt(7.07 kN/m over 11.7 kg)/2 pi of the steady wheel; found within 5 %.
       EXPECT_NEAR(line["frequency"].get<double>(), 3.91, 0.05 * 3.91) << channel;
+      // A line stands above its background by more than the estimate's own uncertainty.
+      const json& density = line["density"];
+      EXPECT_LT(density["confidence_95"][0].get<double>(), density["value"].get<double>()) << channel;
+      EXPECT_GT(density["confidence_95"][1].get<double>(), density["value"].get<double>()) << channel;
+      EXPECT_GT(density["confidence_95"][0].get<double>(), density["background"].get<double>()) << channel;
       break;
     }
   EXPECT_EQ(named, 3);
