@@ -20,7 +20,7 @@ const Info& info() {
       Class::bed,
       "undulating surface",
       "The surface waves along the travel: the wheel follows it, climbing and descending.",
-      "z_measured = z - A sin(2 pi x/L); DP = DP - W dz0/dx",
+      "z_measured = z - A sin(2 pi x/L); DP = (1 + e) DP - W dz0/dx, T = (1 + e) T, e = -dz0/dx DP/W",
       "geometry",
       {{"amplitude", "m", 0, 0, 0.05, 0.002, 0.002, Scale::linear, true, "of the wave"},
        {"wavelength", "m", 0.2, 0.01, 5, 0.2, 0.2, Scale::log, false, "along the travel"}},
@@ -42,7 +42,10 @@ class Undulation final : public Effect {
     if (m.context.phase_average) return;
     const double phase = 2.0 * std::numbers::pi * m.position / p(1);
     r.sinkage -= p(0) * std::sin(phase);
-    r.drawbar_pull -= m.context.normal_load * p(0) * 2.0 * std::numbers::pi / p(1) * std::cos(phase);
+    // As on a bed that falls: the inclined pull presses or lifts the wheel.
+    const double fall = -p(0) * 2.0 * std::numbers::pi / p(1) * std::cos(phase), share = r.drawbar_pull * fall / m.context.normal_load;
+    r.driving_torque *= 1.0 + share;
+    r.drawbar_pull = (1.0 + share) * r.drawbar_pull + m.context.normal_load * fall;
   }
 };
 
