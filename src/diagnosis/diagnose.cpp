@@ -273,7 +273,11 @@ std::string plural(const std::vector<std::string>& ids) {
 
 std::string strength_text(const std::map<std::string, Estimate>& parameters) {
   std::string out;
-  for (const auto& [name, e] : parameters) out += fmt::format("{}{} = {:.3g} +- {:.2g}{}", out.empty() ? "" : ", ", name, e.value, e.deviation, e.unit == "-" ? "" : " " + e.unit);
+  for (const auto& [name, e] : parameters) {
+    out += fmt::format("{}{} = {:.3g}", out.empty() ? "" : ", ", name, e.value);
+    if (e.deviation > 0) out += fmt::format(" +- {:.2g}", e.deviation);  // a form of the law is chosen, not fitted
+    if (e.unit != "-") out += " " + e.unit;
+  }
   return out;
 }
 
