@@ -469,26 +469,33 @@ TEST(Bias, ProjectedNodeAreaLosesTheArc) {
 namespace terrode {
 namespace {
 
+// The wrench on a wheel after 1.6 s in `n` steps of a motion that sets pose and twist at a time.
+template <class Motion>
+Wrench wrench_at_end(int n, const Motion& motion) {
+  NodeSpringTerrain ground{NodeSpringParams{}};
+  const auto id = ground.add_body(smooth_wheel());
+  const double T = 1.6, h = T / n;
+  ContactResult r;
+  for (int i = 0; i <= n; ++i) {
+    Pose pose;
+    Twist twist;
+    motion(i * h, pose, twist);
+    ground.begin_step(i * h, h);
+    r = ground.wrench(id, pose, twist);
+    ground.end_step();
+  }
+  return r.wrench;
+}
+
 TEST(Convergence, IsOfSecondOrderInTimeUnderASmoothMotion) {
   // A wheel that gathers speed at constant depth: the wrench at one instant against the step.
   const auto at_end = [](int n) {
-    NodeSpringTerrain ground{NodeSpringParams{}};
-    const auto id = ground.add_body(smooth_wheel());
-    const double T = 1.6, h = T / n;
-    ContactResult r;
-    for (int i = 0; i <= n; ++i) {
-      const double t = i * h;
-      Pose pose;
+    return wrench_at_end(n, [](double t, Pose& pose, Twist& twist) {
       pose.p_W = Vec3(0.03 * t + 0.01 * t * t, 0, kRadius - 0.007);
       pose.R_WB = Eigen::AngleAxisd(0.33 * t + 0.05 * t * t, Vec3::UnitY());
-      Twist twist;
       twist.v_W = Vec3(0.03 + 0.02 * t, 0, 0);
       twist.w_W = Vec3(0, 0.33 + 0.1 * t, 0);
-      ground.begin_step(t, h);
-      r = ground.wrench(id, pose, twist);
-      ground.end_step();
-    }
-    return r.wrench;
+    });
   };
   const Wrench best = at_end(6400), coarse = at_end(50), fine = at_end(200);
   // A step four times as long errs sixteen times as much; ten leaves room for the moments at which markers enter.
@@ -501,23 +508,13 @@ TEST(Convergence, IsOfSecondOrderInTimeUnderASmoothMotion) {
 TEST(Convergence, OfTheExitAngleUnderASinkageThatGrows) {
   // A wheel that sinks while it rolls, smoothly and ever slower: the exit angle follows its path.
   const auto at_end = [](int n) {
-    NodeSpringTerrain ground{NodeSpringParams{}};
-    const auto id = ground.add_body(smooth_wheel());
-    const double T = 1.6, h = T / n;
-    ContactResult r;
-    for (int i = 0; i <= n; ++i) {
-      const double t = i * h, left = std::exp(-t);
-      Pose pose;
+    return wrench_at_end(n, [](double t, Pose& pose, Twist& twist) {
+      const double left = std::exp(-t);
       pose.p_W = Vec3(0.03 * t, 0, kRadius - 0.009 + 0.004 * left);
       pose.R_WB = Eigen::AngleAxisd(0.33 * t, Vec3::UnitY());
-      Twist twist;
       twist.v_W = Vec3(0.03, 0, -0.004 * left);
       twist.w_W = Vec3(0, 0.33, 0);
-      ground.begin_step(t, h);
-      r = ground.wrench(id, pose, twist);
-      ground.end_step();
-    }
-    return r.wrench;
+    });
   };
   const Wrench best = at_end(12800), coarse = at_end(100), fine = at_end(400);
   const double order = 0.5 * std::log2(std::abs(coarse.F_W.z() - best.F_W.z()) / std::abs(fine.F_W.z() - best.F_W.z()));
