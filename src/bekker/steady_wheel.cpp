@@ -118,6 +118,9 @@ struct Evaluator {
   ShearCorners* kept;
   bool found_before = false, fresh = false;
   std::size_t panel_index = 0;
+  // StressModifier::shear_corner() at the end that was asked for last.
+  double asked_end = std::numeric_limits<double>::quiet_NaN(), end_value = 0.0;
+  const StressModifier* asked_of = nullptr;
 
   Evaluator(const LocalSoil& s, const PreparedLaw& l, const Context& c, const ContactArc& a, ShearCorners* corners_kept = nullptr)
       : soil(s), law(l), context(c), arc(a), kept(corners_kept ? corners_kept : &own_corners) {
@@ -273,8 +276,16 @@ struct Evaluator {
     };
     // From where a corner was: along the slope there, then along chords.
     constexpr double kFarthest = 0.06, kNear = 0.05;  // of kept->bend
-    // What the panel's end says has changed where a corner came in or went out there.
-    bool lost = !found_before || (value(1.0) > 0) != corners_here.end;
+    // What the panel's end says has changed where a corner came in or went out there. Neighbours share it.
+    const auto at_end = [&] {
+      if (asked_end != to || asked_of != &m) {
+        asked_end = to;
+        asked_of = &m;
+        end_value = value(1.0);
+      }
+      return end_value;
+    };
+    bool lost = !found_before || (at_end() > 0) != corners_here.end;
     for (ShearCorner& c : corner) {
       if (lost || c.u > 1.0) continue;
       double f = value(c.u), slope = c.slope, step = -f / slope;
@@ -302,7 +313,7 @@ struct Evaluator {
     };
     std::array<double, kMany.size()> f{};
     for (std::size_t i = 0; i < searched.size(); ++i) {
-      f[i] = value(searched[i]);
+      f[i] = i + 1 < searched.size() ? value(searched[i]) : at_end();
       if (i > 0) add(searched[i - 1], f[i - 1], searched[i], f[i]);
     }
     corners_here.end = f[searched.size() - 1] > 0;
@@ -699,11 +710,13 @@ SteadyState SteadyWheel::solve(const Operating& operating) const {
     WheelProblem::Search search(state.entry_angle);
     SteadyState before, now = state_order == order ? state : problem.evaluate(search.x, order);
     if (first) coarse_difference = problem.scaled_difference(state, now);
-    bool moved = problem.step(search, now);
+    // At the root a further step would follow a secant of rounding errors.
+    const double at_root = 0.01 * options_.tolerance;
+    bool moved = excess(now) > at_root && problem.step(search, now);
     do {
       before = now;
       if (moved) now = problem.evaluate(search.x, order);
-      moved = moved && problem.step(search, now);
+      moved = moved && excess(now) > at_root && problem.step(search, now);
     } while (moved && excess(now) > 1e-5);
     state_order = order < last ? order + 1 : -1;
     state = problem.evaluate(moved ? search.x : now.entry_angle, state_order);

@@ -54,7 +54,7 @@ class Grousers final : public Effect {
     }
     const double root = bekker::passive_pressure_root(s.tan_phi);
     const double face = root * (root * (0.5 * s.unit_weight * (q.depth + p(0)) + 0.06 * out.sigma) + 2.0 * s.cohesion) +
-                        0.4 * s.k * std::pow(p(0) / s.plate_width, s.n);
+                        0.4 * s.k * std::exp(s.n * std::log(p(0) / s.plate_width));
     out.drive += p(1) * p(0) / (2.0 * std::numbers::pi * c.radius) * face * engaged;
   }
 };

@@ -33,7 +33,7 @@ class PenetrationRate final : public Effect {
   unsigned hooks() const override { return kPressure; }
   double pressure(const bekker::Context&, const bekker::Point& q, const bekker::LocalSoil&,
                   double sigma) const override {
-    return sigma * std::pow((q.penetration_speed + 1e-5) / 0.01, p(0));
+    return sigma * std::exp(p(0) * std::log((q.penetration_speed + 1e-5) / 0.01));  // half the time of pow
   }
 };
 
