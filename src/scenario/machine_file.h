@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "scenario/reader.h"
+#include "scenario/table.h"
 #include "vehicle/vehicle.h"
 
 namespace terrode::scenario {
@@ -15,6 +16,12 @@ vehicle::VehicleSpec read_machine(const Node& node, const std::string& key, Sour
 
 // A machine alone: the map below the key `vehicle`, or a file that holds one. Throws InputError with every problem.
 vehicle::VehicleSpec parse_machine(const std::string& text, const std::string& file);
+
+// JSON Schema of that map: a machine in place, or the sidecar of a URDF file.
+Json machine_schema();
+
+// The machine as YAML that parse_machine() reads back (of inertias the moments about the axes alone).
+std::string to_yaml(const vehicle::VehicleSpec& machine);
 
 struct MachineFile {
   vehicle::VehicleSpec machine;

@@ -90,22 +90,6 @@ Table<ReposeSpec> repose_table() {
   return t;
 }
 
-// A section that may be absent; present, even empty, asks for the test.
-template <class S>
-void add_test(Table<ParticleTests>& t, const std::string& name, std::optional<S> ParticleTests::*member, const Table<S>& table,
-              const std::string& text) {
-  Json schema = table.schema();
-  schema["description"] = text;
-  t.add({name, false, std::move(schema),
-         [=](MapReader& map, ParticleTests& out) {
-           if (auto below = map.section(name)) table.read(*below, (out.*member).emplace());
-         },
-         [=](const ParticleTests& in) -> std::optional<Node> {
-           if (!(in.*member)) return std::nullopt;
-           return table.write(*(in.*member));
-         }});
-}
-
 Table<ParticleTests> tests_table() {
   using T = ParticleTests;
   Table<T> t;
@@ -113,10 +97,10 @@ Table<ParticleTests> tests_table() {
       .number("gravity", "m/s^2", above(0), &T::gravity, "")
       .number("time_step", "s", at_least(0), &T::time_step, "0: suggested from the Rayleigh time")
       .number("settling_drag", "N s/m", at_least(0), &T::settling_drag, "on every grain while a bed settles")
-      .section("grains", &T::grains, grains_table(), "sizes, material and contact law");
-  add_test(t, "direct_shear", &T::direct_shear, shear_table(), "a shear box under a lid");
-  add_test(t, "pressure_sinkage", &T::pressure_sinkage, sinkage_table(), "a plate pressed into a bed");
-  add_test(t, "angle_of_repose", &T::angle_of_repose, repose_table(), "a heap whose one wall is taken away");
+      .section("grains", &T::grains, grains_table(), "sizes, material and contact law")
+      .section("direct_shear", &T::direct_shear, shear_table(), "a shear box under a lid")
+      .section("pressure_sinkage", &T::pressure_sinkage, sinkage_table(), "a plate pressed into a bed")
+      .section("angle_of_repose", &T::angle_of_repose, repose_table(), "a heap whose one wall is taken away");
   return t;
 }
 

@@ -325,6 +325,20 @@ wheel::Grousers grousers_of(const WheelSpec& wheel) {
   return out;
 }
 
+WheelSpec wheel_spec_of(const wheel::Grousers& grousers) {
+  using terrode::wheel::GrouserShape;
+  WheelSpec out;
+  out.grouser_count = grousers.count;
+  out.grouser_height = grousers.height;
+  out.grouser_thickness = grousers.thickness;
+  out.grouser_tip_thickness = grousers.tip_thickness;
+  out.grouser_phase = grousers.phase;
+  out.grouser_shape = grousers.shape == GrouserShape::tapered      ? "tapered"
+                      : grousers.shape == GrouserShape::triangular ? "triangular"
+                                                                   : "straight";
+  return out;
+}
+
 wheel::WheelShape Scenario::wheel_shape() const {
   terrode::wheel::WheelShape out;
   out.radius = wheel.radius;

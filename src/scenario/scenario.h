@@ -193,6 +193,7 @@ struct Scenario {
 
 // Lugs as the wheel room takes them.
 wheel::Grousers grousers_of(const WheelSpec& wheel);
+WheelSpec wheel_spec_of(const wheel::Grousers& grousers);  // its inverse; other keys at their defaults
 
 // Reads a scenario file, or a recording (a folder, or its recording.yaml; its runs on up to `threads` threads). Throws
 // InputError with every problem.

@@ -21,4 +21,13 @@ Node quantity_node(double value, const std::string& unit) {
   return Node::scalar(dimensionless ? fmt::format("{}", value) : fmt::format("{} {}", value, unit));
 }
 
+std::optional<Vec3> read_vector(MapReader& map, const std::string& key, const std::string& unit, const Range& range) {
+  const std::size_t before = map.source().problems.size();
+  const std::vector<double> v = map.numbers(key, unit, range);
+  if (v.size() == 3) return Vec3(v[0], v[1], v[2]);
+  if (map.source().problems.size() == before)
+    map.source().problem(*map.find(key), map.key(key), fmt::format("has {} numbers", v.size()), "three: x, y, z");
+  return std::nullopt;
+}
+
 }  // namespace terrode::scenario

@@ -4,12 +4,15 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "core/frames.h"
 #include "scenario/reader.h"
 
 namespace terrode::scenario {
@@ -20,6 +23,8 @@ using Json = nlohmann::ordered_json;
 Json quantity_schema(const std::string& unit, const Range& range, const std::string& description);
 // A number as it is written to a file: the shortest digits that read back to the same value, and its unit.
 Node quantity_node(double value, const std::string& unit);
+// Three numbers at a key; on anything else nothing, and a problem.
+std::optional<Vec3> read_vector(MapReader& map, const std::string& key, const std::string& unit, const Range& range = {});
 
 template <class T>
 class Table {
@@ -34,10 +39,14 @@ class Table {
 
   Table& number(const std::string& name, const std::string& unit, Range range, double T::*member, const std::string& text) {
     Json schema = quantity_schema(unit, range, text);
-    schema["default"] = T{}.*member;
+    const double standard = T{}.*member;
+    if (std::isfinite(standard)) schema["default"] = standard;
     return add({name, false, std::move(schema),
                 [=](MapReader& map, T& out) { if (const auto v = map.number(name, unit, range)) out.*member = *v; },
-                [=](const T& in) -> std::optional<Node> { return quantity_node(in.*member, unit); }});
+                [=](const T& in) -> std::optional<Node> {
+                  if (!std::isfinite(in.*member)) return std::nullopt;
+                  return quantity_node(in.*member, unit);
+                }});
   }
   Table& number(const std::string& name, const std::string& unit, Range range, std::optional<double> T::*member,
                 const std::string& text) {
@@ -48,13 +57,28 @@ class Table {
                   return quantity_node(*(in.*member), unit);
                 }});
   }
+  // A list of numbers, or one.
   Table& numbers(const std::string& name, const std::string& unit, Range range, std::vector<double> T::*member,
                  const std::string& text) {
-    Json schema = {{"type", "array"}, {"description", text}, {"items", quantity_schema(unit, range, "")}};
+    Json one = quantity_schema(unit, range, ""), schema = Json::object();
+    schema["description"] = text;
+    schema["anyOf"] = one["anyOf"];
+    schema["anyOf"].push_back({{"type", "array"}, {"items", one}});
     return add({name, false, std::move(schema),
                 [=](MapReader& map, T& out) { out.*member = map.numbers(name, unit, range); },
                 [=](const T& in) -> std::optional<Node> {
                   if ((in.*member).empty()) return std::nullopt;
+                  Node list = Node::sequence();
+                  for (const double v : in.*member) list.items.push_back(quantity_node(v, unit));
+                  return list;
+                }});
+  }
+  // Three numbers: x, y, z.
+  Table& vector(const std::string& name, const std::string& unit, Range range, Vec3 T::*member, const std::string& text) {
+    Json schema = {{"type", "array"}, {"description", text}, {"items", quantity_schema(unit, range, "")}, {"minItems", 3}, {"maxItems", 3}};
+    return add({name, false, std::move(schema),
+                [=](MapReader& map, T& out) { if (const auto v = read_vector(map, name, unit, range)) out.*member = *v; },
+                [=](const T& in) -> std::optional<Node> {
                   Node list = Node::sequence();
                   for (const double v : in.*member) list.items.push_back(quantity_node(v, unit));
                   return list;
@@ -91,6 +115,30 @@ class Table {
                   return Node::scalar(in.*member);
                 }});
   }
+  // One of several words, each for a value.
+  template <class E>
+  Table& choice(const std::string& name, std::vector<std::pair<std::string, E>> choices, E T::*member, const std::string& text) {
+    std::vector<std::string> words;
+    for (const auto& [word, value] : choices) words.push_back(word);
+    const auto word_of = [choices](E value) -> std::optional<std::string> {
+      for (const auto& [word, v] : choices)
+        if (v == value) return word;
+      return std::nullopt;
+    };
+    Json schema = {{"enum", words}, {"description", text}};
+    if (const auto standard = word_of(T{}.*member)) schema["default"] = *standard;
+    return add({name, false, std::move(schema),
+                [=](MapReader& map, T& out) {
+                  if (const auto given = map.choice(name, words))
+                    for (const auto& [word, value] : choices)
+                      if (word == *given) out.*member = value;
+                },
+                [=](const T& in) -> std::optional<Node> {
+                  const auto word = word_of(in.*member);
+                  if (!word) return std::nullopt;
+                  return Node::scalar(*word);
+                }});
+  }
   template <class S>
   Table& section(const std::string& name, S T::*member, Table<S> table, const std::string& text) {
     Json schema = table.schema();
@@ -102,6 +150,46 @@ class Table {
                   if (below.entries.empty()) return std::nullopt;
                   return below;
                 }});
+  }
+  // A section that may be absent.
+  template <class S>
+  Table& section(const std::string& name, std::optional<S> T::*member, Table<S> table, const std::string& text) {
+    Json schema = table.schema();
+    schema["description"] = text;
+    return add({name, false, std::move(schema),
+                [=](MapReader& map, T& out) {
+                  if (auto below = map.section(name)) table.read(*below, (out.*member).emplace());
+                },
+                [=](const T& in) -> std::optional<Node> {
+                  if (!(in.*member)) return std::nullopt;
+                  return table.write(*(in.*member));
+                }});
+  }
+  // A list of sections.
+  template <class S>
+  Table& list(const std::string& name, std::vector<S> T::*member, Table<S> table, const std::string& text) {
+    Json schema = {{"type", "array"}, {"description", text}, {"items", table.schema()}};
+    return add({name, false, std::move(schema),
+                [=](MapReader& map, T& out) {
+                  for (const auto& [key, item] : map.items(name)) {
+                    MapReader below(*item, key, map.source());
+                    table.read(below, (out.*member).emplace_back());
+                  }
+                },
+                [=](const T& in) -> std::optional<Node> {
+                  if ((in.*member).empty()) return std::nullopt;
+                  Node out = Node::sequence();
+                  for (const S& item : in.*member) out.items.push_back(table.write(item));
+                  return out;
+                }});
+  }
+  // The keys of a struct within the struct, beside its own.
+  template <class S>
+  Table& embed(S T::*member, const Table<S>& table) {
+    for (const auto& key : table.keys())
+      add({key.name, key.required, key.schema, [read = key.read, member](MapReader& map, T& out) { read(map, out.*member); },
+           [write = key.write, member](const T& in) { return write(in.*member); }});
+    return *this;
   }
   // A section of the file whose keys belong to the same struct.
   Table& group(const std::string& name, Table<T> table, const std::string& text) {
@@ -128,11 +216,15 @@ class Table {
 
   // Reads the keys that are present into `out`, says which required ones are missing and which are not known.
   void read(MapReader& map, T& out) const {
+    read_known(map, out);
+    map.finish();
+  }
+  // The same where further keys are read by others.
+  void read_known(MapReader& map, T& out) const {
     for (const Key& key : keys_) {
       if (key.required) map.need(key.name);
       if (map.has(key.name)) key.read(map, out);
     }
-    map.finish();
   }
   Node write(const T& in) const {
     Node out = Node::map();

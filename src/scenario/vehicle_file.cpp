@@ -20,41 +20,96 @@ using namespace vehicle;
 
 constexpr double earth = 9.81, moon = 1.62, mars = 3.71;  // m/s2
 
+Table<Manoeuvre> manoeuvre_table() {
+  Table<Manoeuvre> t;
+  t.number("duration", "s", above(0), &Manoeuvre::duration, "after which it ends")
+      .number("distance", "m", above(0), &Manoeuvre::distance, "of path after which it ends")
+      .number("ramp", "s", at_least(0), &Manoeuvre::ramp, "in which its values are reached")
+      .number("speed", "m/s", any_number(), &Manoeuvre::speed, "of the machine's origin")
+      .number("curvature", "1/m", any_number(), &Manoeuvre::curvature, "of its path, left positive")
+      .number("yaw_rate", "rad/s", any_number(), &Manoeuvre::yaw_rate, "of a turn in place")
+      .number("hitch_pull", "N", any_number(), &Manoeuvre::hitch_pull, "of a drawbar load, backwards")
+      .number("torque", "N m", any_number(), &Manoeuvre::torque, "command of torque drives");
+  return t;
+}
+
+using Waypoint = Eigen::Vector2d;
+
+Table<DriveScenario> path_table() {
+  using Options = PathFollower::Options;
+  Table<Options> options;
+  options.number("speed", "m/s", above(0), &Options::speed, "along the path")
+      .number("lookahead", "m", above(0), &Options::lookahead, "of pure pursuit")
+      .number("largest_curvature", "1/m", above(0), &Options::largest_curvature, "that is steered")
+      .number("tolerance", "m", above(0), &Options::tolerance, "of the last point")
+      .number("ramp", "s", at_least(0), &Options::ramp, "in which the speed rises");
+  const Json point = {{"type", "array"}, {"items", quantity_schema("m", any_number(), "")}, {"minItems", 2}, {"maxItems", 2}};
+  Table<DriveScenario> t;
+  t.add({"waypoints", false, {{"type", "array"}, {"description", "x, y of each"}, {"items", point}},
+         [](MapReader& map, DriveScenario& out) {
+           for (const auto& [key, item] : map.items("waypoints")) {
+             const std::vector<double> p = read_numbers(*item, key, "m", any_number(), map.source());
+             if (p.size() == 2)
+               out.waypoints.emplace_back(p[0], p[1]);
+             else
+               map.source().problem(*item, key, "has " + std::to_string(p.size()) + " numbers", "two: x, y");
+           }
+         },
+         [](const DriveScenario& in) -> std::optional<Node> {
+           Node list = Node::sequence();
+           for (const Waypoint& w : in.waypoints) {
+             Node one = Node::sequence();
+             for (const double v : w) one.items.push_back(quantity_node(v, "m"));
+             list.items.push_back(std::move(one));
+           }
+           return list;
+         }});
+  t.embed(&DriveScenario::path, options);
+  return t;
+}
+
 void read_script(MapReader& map, DriveScenario& out) {
   for (const auto& [key, item] : map.items("script")) {
     MapReader m(*item, key, map.source());
-    Manoeuvre x;
-    x.duration = m.number("duration", "s", above(0));
-    x.distance = m.number("distance", "m", above(0));
-    set_if(x.ramp, m.number("ramp", "s", at_least(0)));
-    set_if(x.speed, m.number("speed", "m/s"));
-    set_if(x.curvature, m.number("curvature", "1/m"));
-    set_if(x.yaw_rate, m.number("yaw_rate", "rad/s"));
-    set_if(x.hitch_pull, m.number("hitch_pull", "N"));
-    set_if(x.torque, m.number("torque", "N m"));
-    m.finish();
-    for (const Problem& p : x.validate(key)) map.source().problem(*item, p.key, p.message, p.expected);
-    out.script.push_back(x);
+    manoeuvre_table().read(m, out.script.emplace_back());
+    for (const Problem& p : out.script.back().validate(key)) map.source().problem(*item, p.key, p.message, p.expected);
   }
-  if (auto path = map.section("path")) {
-    for (const auto& [key, item] : path->items("waypoints")) {
-      const std::vector<double> p = read_numbers(*item, key, "m", any_number(), map.source());
-      if (p.size() == 2)
-        out.waypoints.emplace_back(p[0], p[1]);
-      else
-        map.source().problem(*item, key, "has " + std::to_string(p.size()) + " numbers", "two: x, y");
-    }
-    set_if(out.path.speed, path->number("speed", "m/s", above(0)));
-    set_if(out.path.lookahead, path->number("lookahead", "m", above(0)));
-    set_if(out.path.largest_curvature, path->number("largest_curvature", "1/m", above(0)));
-    set_if(out.path.tolerance, path->number("tolerance", "m", above(0)));
-    set_if(out.path.ramp, path->number("ramp", "s", at_least(0)));
-    path->finish();
-  }
+  if (auto path = map.section("path")) path_table().read(*path, out);
   if (out.script.empty() == out.waypoints.empty())
     map.source().problem(map.node(), "script", "and path are both given or both missing", "one of them");
 }
 
+// Settings of the machine's run that stand alone, each a key of the file.
+Table<VehicleOptions> options_table() {
+  using O = VehicleOptions;
+  Table<O> margin;
+  margin.number("every", "s", above(0), &O::margin_interval, "at which it is measured")
+      .required()
+      .number("largest", "N", above(0), &O::margin_largest, "that is tried; absent: the machine's weight")
+      .number("rate", "N/s", above(0), &O::margin_rate, "at which the pull rises; absent: a tenth of the weight a second");
+  using Law = multibody::ContactLaw;
+  Table<Law> contact;
+  contact.number("friction", "-", at_least(0), &Law::friction, "Coulomb's mu")
+      .number("stiffness", "N/m", above(0), &Law::stiffness, "of each contact point")
+      .number("damping", "N s/m", at_least(0), &Law::damping, "of each contact point");
+  Table<O> t;
+  t.number("start_x", "m", any_number(), &O::start_x, "where the machine is set down")
+      .number("start_y", "m", any_number(), &O::start_y, "where the machine is set down")
+      .number("start_heading", "rad", any_number(), &O::start_heading, "from x towards y")
+      .number("time_step", "s", {0, 0.1, true, false}, &O::time_step, "of the machine")
+      .number("sample_interval", "s", at_least(0), &O::sample_interval, "over which samples are means")
+      .number("settle_time", "s", above(0), &O::settle_time, "in which gravity comes on")
+      .number("immobile_time", "s", above(0), &O::immobile_time, "over which a machine that makes no way counts as immobilised")
+      .group("mobility_margin", margin, "how much more it could pull, measured on the way")
+      .section("rock_contact", &O::rock_contact, contact, "of rocks with wheels, bodies and each other");
+  return t;
+}
+
+// The ground, as in a rig's scenario.
+std::vector<Section> ground_sections() {
+  return {soil_section(), terrain_section(), particles_section(), effects_section(), laws_section(), surface_section(), soil_map_section(),
+          soil_layers_section()};
+}
 
 // A number, or the name of a world.
 double read_gravity(MapReader& map) {
@@ -94,16 +149,6 @@ void read_soil_gravity(MapReader& map, double gravity, DriveScenario& out) {
       "gravity {:.4g} m/s2 acts on the machine; of the soil, measured on Earth, it scales k and the unit weight by {:.4g} "
       "and leaves cohesion, friction angle, n and K as they are (the effect gravity)",
       gravity, gravity / earth));
-}
-
-void read_margin(MapReader& map, VehicleOptions& options) {
-  auto margin = map.section("mobility_margin");
-  if (!margin) return;
-  margin->need("every");
-  set_if(options.margin_interval, margin->number("every", "s", above(0)));
-  set_if(options.margin_largest, margin->number("largest", "N", above(0)));
-  set_if(options.margin_rate, margin->number("rate", "N/s", above(0)));
-  margin->finish();
 }
 
 }  // namespace
@@ -153,29 +198,15 @@ DriveScenario parse_drive(const std::string& text, const std::string& file) {
   }
   if (const auto g = map.choice("ground", {"node-spring", "rigid", "dem"})) out.ground = *g;
   if (out.ground == "node-spring") map.need("soil");
-  for (const Section& section : {soil_section(), terrain_section(), effects_section(), laws_section(), surface_section(),
-                                 soil_map_section(), soil_layers_section()})
+  for (const Section& section : ground_sections())
     if (const Node* node = map.find(section.name)) section.read(*node, section.name, source, out.base);
   const double gravity = read_gravity(map);
   read_soil_gravity(map, gravity, out);
   double slope = 0.0;
   set_if(slope, map.number("slope", "rad", between(-1.2, 1.2)));
   out.options.gravity = gravity * Vec3(-std::sin(slope), 0.0, -std::cos(slope));
-  set_if(out.options.start_x, map.number("start_x", "m"));
-  set_if(out.options.start_y, map.number("start_y", "m"));
-  set_if(out.options.start_heading, map.number("start_heading", "rad"));
-  set_if(out.options.time_step, map.number("time_step", "s", {0, 0.1, true, false}));
-  set_if(out.options.sample_interval, map.number("sample_interval", "s", at_least(0)));
-  set_if(out.options.settle_time, map.number("settle_time", "s", above(0)));
-  set_if(out.options.immobile_time, map.number("immobile_time", "s", above(0)));
-  read_margin(map, out.options);
+  options_table().read_known(map, out.options);
   out.options.rocks = read_rocks(map, out.options.start_x, out.options.start_y, reach);
-  if (auto contact = map.section("rock_contact")) {
-    set_if(out.options.rock_contact.friction, contact->number("friction", "-", at_least(0)));
-    set_if(out.options.rock_contact.stiffness, contact->number("stiffness", "N/m", above(0)));
-    set_if(out.options.rock_contact.damping, contact->number("damping", "N s/m", at_least(0)));
-    contact->finish();
-  }
   if (out.ground != "node-spring") {
     const auto only = [&](const char* key, bool there) {
       if (there)
@@ -189,6 +220,8 @@ DriveScenario parse_drive(const std::string& text, const std::string& file) {
       only("start_heading", out.options.start_heading != 0.0);
     }
   }
+  if (out.ground != "dem" && map.has("particles"))
+    source.problem(*map.find("particles"), "particles", "are of ground dem, and this is " + out.ground, "ground: dem");
   read_script(map, out);
   double total = 0.0;
   bool timed = !out.script.empty();
@@ -202,6 +235,37 @@ DriveScenario parse_drive(const std::string& text, const std::string& file) {
   throw_if_any(source.problems);
   out.base.notes.insert(out.base.notes.begin(), source.notes.begin(), source.notes.end());
   return out;
+}
+
+std::string vehicle_schema() {
+  const auto choice = [](std::vector<std::string> words, const char* text) { return Json{{"enum", std::move(words)}, {"description", text}}; };
+  Json properties = Json::object();
+  properties["title"] = {{"type", "string"}};
+  properties["seed"] = {{"type", "integer"}, {"minimum", 0}, {"description", "of sensor noise"}};
+  Json machine = machine_schema();
+  machine["anyOf"].insert(machine["anyOf"].begin(), Json::object({{"type", "string"}}));
+  machine["description"] = "a ready-made machine by name, the path of a file, or a machine in place";
+  machine["examples"] = machine_names();
+  properties["vehicle"] = machine;
+  properties["ground"] = choice({"node-spring", "rigid", "dem"}, "what the machine stands on");
+  for (const Section& section : ground_sections()) properties[section.name] = section.schema();
+  properties["gravity"] = {{"description", "a world or an acceleration [m/s^2]"},
+                           {"anyOf", Json::array({Json{{"enum", {"earth", "moon", "mars"}}}, quantity_schema("m/s^2", above(0), "")})}};
+  properties["soil_measured_at"] = choice({"here", "earth"}, "whether k and the unit weight scale with gravity");
+  properties["slope"] = quantity_schema("rad", between(-1.2, 1.2), "tilts gravity so that +x is uphill");
+  properties.update(options_table().schema()["properties"]);
+  properties["rocks"] = rocks_schema();
+  properties["rock_field"] = rock_field_schema();
+  properties["script"] = {{"type", "array"}, {"items", manoeuvre_table().schema()}, {"description", "manoeuvres one after the other"}};
+  properties["path"] = path_table().schema();
+  properties["duration"] = quantity_schema("s", above(0), "of the run, at most");
+  const Json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
+                       {"title", "Terrode vehicle scenario"},
+                       {"type", "object"},
+                       {"additionalProperties", false},
+                       {"properties", properties},
+                       {"required", {"vehicle"}}};
+  return schema.dump(2) + "\n";
 }
 
 DriveScenario load_drive(const std::string& path) {

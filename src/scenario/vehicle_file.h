@@ -47,6 +47,9 @@ bool is_machine(const std::string& path);
 DriveScenario load_drive(const std::string& path);
 DriveScenario parse_drive(const std::string& text, const std::string& file);
 
+// JSON Schema of such a file.
+std::string vehicle_schema();
+
 struct DriveResult {
   recording::Run run;
   std::vector<recording::Run> bodies;  // motion of every body, by id

@@ -49,6 +49,50 @@ TEST(VehicleFile, ReadsAMachine) {
   EXPECT_NEAR(v.mass(), 20 + 2 + 2 + 0.5 + 1.0, 1e-12);
 }
 
+// What is written from a machine is read back to the same.
+TEST(VehicleFile, MachinesAreWrittenAndReadBack) {
+  std::vector<vehicle::VehicleSpec> machines = {parse_machine(cart_text, "cart.yaml")};
+  for (const std::string& name : vehicle::machine_names()) machines.push_back(vehicle::machine(name));
+  for (const vehicle::VehicleSpec& m : machines) {
+    const std::string text = to_yaml(m);
+    const vehicle::VehicleSpec again = parse_machine(text, "again.yaml");
+    EXPECT_EQ(to_yaml(again), text) << m.name;
+    EXPECT_EQ(again.mass(), m.mass()) << m.name;
+    ASSERT_EQ(again.wheels.size(), m.wheels.size());
+    for (std::size_t i = 0; i < m.wheels.size(); ++i) {
+      EXPECT_EQ(again.wheels[i].centre, m.wheels[i].centre);
+      EXPECT_EQ(again.wheels[i].drive.kind, m.wheels[i].drive.kind);
+      EXPECT_EQ(again.wheels[i].drive.motor.gear, m.wheels[i].drive.motor.gear);
+      EXPECT_EQ(again.wheels[i].shape.grousers.height, m.wheels[i].shape.grousers.height);
+      EXPECT_EQ(again.wheels[i].strut.has_value(), m.wheels[i].strut.has_value());
+      EXPECT_EQ(again.wheels[i].steering.has_value(), m.wheels[i].steering.has_value());
+    }
+    ASSERT_EQ(again.joints.size(), m.joints.size());
+    for (std::size_t i = 0; i < m.joints.size(); ++i) {
+      EXPECT_EQ(again.joints[i].kind, m.joints[i].kind);
+      EXPECT_EQ(again.joints[i].axis, m.joints[i].axis);
+    }
+  }
+}
+
+TEST(VehicleFile, KeysOfAnotherKindOfSensorAreRefused) {
+  const std::string text = cart_text;
+  EXPECT_NO_THROW(parse_machine(text + "sensors: [{name: s, kind: imu, body: frame}]\n", "cart.yaml"));
+  EXPECT_THROW(parse_machine(text + "sensors: [{name: s, kind: imu, body: frame, joint: tail_hinge}]\n", "cart.yaml"), InputError);
+  EXPECT_THROW(parse_machine(text + "sensors: [{name: s, kind: encoder, body: frame}]\n", "cart.yaml"), InputError);
+}
+
+TEST(VehicleFile, ParticlesStandBesideParticleGroundAlone) {
+  const DriveScenario d = parse_drive(robot("ground: dem\nparticles: {smallest: 20 mm, largest: 25 mm}\nscript: [{duration: 1, speed: 0.1}]\n"), "a.yaml");
+  EXPECT_EQ(d.base.particles.largest, 0.025);
+  try {
+    parse_drive(robot("particles: {smallest: 20 mm}\nscript: [{duration: 1, speed: 0.1}]\n"), "a.yaml");
+    FAIL();
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), testing::HasSubstr("ground: dem"));
+  }
+}
+
 TEST(VehicleFile, SaysEveryProblemWithItsPlace) {
   std::string text = cart_text;
   text.replace(text.find("mass: 20 kg"), 11, "mass: -2 kg");
