@@ -304,6 +304,12 @@ double DemTerrain::height(double x, double y) const {
              : 0.0;
 }
 
+double DemTerrain::roughness() const {
+  double top = 0.0;
+  for (const Grain& g : params_.prism.grains) top = std::max(top, g.position.z() + g.radius);
+  return top - depth_;
+}
+
 std::string DemTerrain::state() const {
   std::ostringstream out;
   const auto put = [&](const auto& v) { out.write(reinterpret_cast<const char*>(&v), sizeof v); };

@@ -63,6 +63,7 @@ class DemTerrain final : public terrain::Terrain {
   void end_step() override;
   double height(double x, double y) const override;
   double undisturbed_height(double, double) const override { return 0.0; }
+  double roughness() const override;
   std::vector<std::uint8_t> snapshot() const override;
   void restore(std::span<const std::uint8_t> bytes) override;
   std::string name() const override { return "dem"; }

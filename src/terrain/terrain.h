@@ -120,6 +120,9 @@ class Terrain {
   // Height of the surface as it is now, ruts included [m], and as it was before anything touched it.
   virtual double height(double x, double y) const = 0;
   virtual double undisturbed_height(double x, double y) const = 0;
+  // How far the undisturbed surface stands out above undisturbed_height() at most [m]: coarse grains, whose mean that is.
+  // What is set down begins above it.
+  virtual double roughness() const { return 0.0; }
 
   // The loaded nodes of the body's last trial; empty for a ground that has none to show.
   virtual std::vector<PatchNode> patch(BodyId body) const {

@@ -75,6 +75,7 @@ void Vehicle::build() {
                                   w.centre.z());
       }
   }
+  lift += ground_->roughness();
   const auto place = [&](const Vec3& p) { return Vec3(ground_place(p) + Vec3(0, 0, p.z() + lift)); };
   const auto pose = [&](const Vec3& p) { return Pose{place(p), turn}; };
 
