@@ -2,9 +2,9 @@
 
 #include <functional>
 
+#include "scenario/pieces.h"
 #include "scenario/section.h"
 #include "scenario/urdf_file.h"
-#include "wheel/convex.h"
 
 namespace terrode::scenario {
 
@@ -99,45 +99,6 @@ void add_inertia(Table<T>& t, std::optional<Mat3> T::*member) {
          }});
 }
 
-// Convex hulls of points that press on the ground in place of the body's box.
-void read_pieces(MapReader& map, BodySpec& b) {
-  const std::size_t before = map.source().problems.size();
-  for (const auto& [key, item] : map.items("pieces")) {
-    std::vector<Vec3> points;
-    for (std::size_t i = 0; i < item->items.size(); ++i) {
-      const std::string at = key + "[" + std::to_string(i) + "]";
-      const std::vector<double> p = read_numbers(item->items[i], at, "m", any_number(), map.source());
-      if (p.size() == 3)
-        points.emplace_back(p[0], p[1], p[2]);
-      else
-        map.source().problem(item->items[i], at, "has " + std::to_string(p.size()) + " numbers", "three: x, y, z");
-    }
-    b.pieces.push_back(std::move(points));
-  }
-  if (b.pieces.empty() || map.source().problems.size() > before) return;
-  b.touches_ground = true;
-  try {
-    wheel::ConvexPieces{b.pieces};
-  } catch (const InputError& e) {
-    for (const Problem& p : e.problems()) map.source().problem(*map.find("pieces"), map.key("pieces"), p.message, p.expected);
-  }
-}
-
-std::optional<Node> write_pieces(const BodySpec& b) {
-  if (b.pieces.empty()) return std::nullopt;
-  Node out = Node::sequence();
-  for (const std::vector<Vec3>& points : b.pieces) {
-    Node piece = Node::sequence();
-    for (const Vec3& p : points) {
-      Node point = Node::sequence();
-      for (const double v : p) point.items.push_back(quantity_node(v, "m"));
-      piece.items.push_back(std::move(point));
-    }
-    out.items.push_back(std::move(piece));
-  }
-  return out;
-}
-
 Table<BodySpec> body_table() {
   Table<BodySpec> t;
   t.text("name", &BodySpec::name, "by which joints and wheels know it")
@@ -147,13 +108,12 @@ Table<BodySpec> body_table() {
       .vector("position", "m", any_number(), &BodySpec::position, "of the centre of mass: x, y, z")
       .vector("size", "m", any_number(), &BodySpec::size, "of the box that gives inertia and touches rocks: x, y, z");
   add_inertia(t, &BodySpec::inertia);
-  const Json point = {{"type", "array"}, {"items", quantity_schema("m", any_number(), "")}, {"minItems", 3}, {"maxItems", 3}};
-  t.flag("touches_ground", &BodySpec::touches_ground, "whether its box presses on the soil")
-      .add({"pieces", false,
-            {{"type", "array"},
-             {"description", "points about the centre of mass whose convex hulls press on the soil in place of the box"},
-             {"items", {{"type", "array"}, {"items", point}}}},
-            read_pieces, write_pieces});
+  Table<BodySpec>::Key pieces = pieces_key("pieces", &BodySpec::pieces, "points about the centre of mass whose convex hulls press on the soil in place of the box");
+  pieces.read = [read = pieces.read](MapReader& map, BodySpec& out) {
+    read(map, out);
+    out.touches_ground = out.touches_ground || !out.pieces.empty();
+  };
+  t.flag("touches_ground", &BodySpec::touches_ground, "whether its box presses on the soil").add(std::move(pieces));
   return t;
 }
 

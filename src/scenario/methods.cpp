@@ -129,7 +129,7 @@ vehicle::SweepMethod make_method(const std::string& name, const Scenario& scenar
   const auto in_ground = std::make_shared<const effects::EffectSet>(effects->for_ground());
   make_ground(name, scenario, *in_ground, settings);  // what is wrong with the ground is said before the first point
   return vehicle::rig_method(
-      name, rig_spec(scenario), rig_motion(scenario), std::make_shared<terrode::wheel::Wheel>(scenario.wheel_shape()),
+      name, rig_spec(scenario), rig_motion(scenario), scenario.wheel_body(),
       [name, scenario, settings, in_ground](const recording::Condition&) { return make_ground(name, scenario, *in_ground, settings); },
       *effects, {settings.observe, settings.observe_touchdown}, settings.resume, settings.memory);
 }
@@ -137,8 +137,8 @@ vehicle::SweepMethod make_method(const std::string& name, const Scenario& scenar
 std::optional<double> averaging_period(const std::string& method, const Scenario& scenario, const OperatingPoint& at) {
   if (method == "steady") return std::nullopt;
   const bool locked = std::isinf(at.slip);
-  if (scenario.wheel.grouser_count > 0 && !locked)
-    return 2.0 * std::numbers::pi / (at.angular_velocity * scenario.wheel.grouser_count);
+  const int lugs = scenario.wheel.pieces.empty() ? scenario.wheel.grouser_count : scenario.wheel.piece_count;
+  if (lugs > 0 && !locked && (scenario.wheel.pieces.empty() || lugs > 1)) return 2.0 * std::numbers::pi / (at.angular_velocity * lugs);
   const double speed = at.angular_velocity * scenario.wheel.radius * (locked ? 1.0 : 1.0 - at.slip);
   if (method == "node-spring" && speed > 0.0) return scenario.terrain.node_spacing / speed;
   return std::nullopt;

@@ -12,6 +12,7 @@
 #include "core/units.h"
 #include "scenario/recording_file.h"
 #include "scenario/section.h"
+#include "wheel/convex.h"
 
 namespace terrode::scenario {
 namespace {
@@ -352,6 +353,13 @@ wheel::WheelShape Scenario::wheel_shape() const {
   }
   throw_if_any(wrong);
   return out;
+}
+
+std::shared_ptr<const wheel::Body> Scenario::wheel_body() const {
+  const terrode::wheel::WheelShape shape = wheel_shape();
+  if (wheel.pieces.empty()) return std::make_shared<terrode::wheel::Wheel>(shape);
+  return std::make_shared<terrode::wheel::ConvexPieces>(terrode::wheel::around_axle(wheel.pieces, wheel.piece_count),
+                                                        terrode::wheel::Rolling{shape.radius, shape.width, 0.0});
 }
 
 }  // namespace terrode::scenario

@@ -37,6 +37,10 @@ struct WheelSpec {
   double grouser_tip_thickness = 0.0;  // m, of shape tapered
   std::string grouser_shape = "straight";
   double grouser_phase = 0.0;       // rad, of the first lug from straight down
+  // What touches the soil in place of rim and lugs: convex hulls of points in the wheel's frame [m] (x forward, y along the
+  // axle, z up), repeated around the axle: paddles, legs, a polygon.
+  std::vector<std::vector<Vec3>> pieces = {};
+  int piece_count = 1;  // how often around the axle
 };
 
 // The single-wheel rig and how it is driven.
@@ -189,6 +193,8 @@ struct Scenario {
   bekker::ContactAngles contact_angles() const;
   bekker::WheelSize wheel_size() const;
   terrode::wheel::WheelShape wheel_shape() const;
+  // The wheel as it touches the ground: of that shape, or of convex pieces. Throws InputError.
+  std::shared_ptr<const terrode::wheel::Body> wheel_body() const;
 };
 
 // Lugs as the wheel room takes them.

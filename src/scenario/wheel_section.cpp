@@ -1,3 +1,4 @@
+#include "scenario/pieces.h"
 #include "scenario/section.h"
 
 namespace terrode::scenario {
@@ -26,7 +27,9 @@ Table<WheelSpec> wheel_table() {
       .number("mass", "kg", above(0), &WheelSpec::mass, "absent: the load alone counts")
       .number("crown_radius", "m", at_least(0), &WheelSpec::crown_radius, "of the rim's profile across the width; 0: flat")
       .text("surface", &WheelSpec::surface, "such as soil-coated, aluminium")
-      .add(std::move(grouser_key));
+      .add(std::move(grouser_key))
+      .add(pieces_key("pieces", &WheelSpec::pieces, "points whose convex hulls touch the soil in place of rim and lugs: x forward, y along the axle, z up"))
+      .integer("piece_count", 1, 360, &WheelSpec::piece_count, "how often the pieces stand around the axle");
   return t;
 }
 
@@ -38,6 +41,8 @@ Section wheel_section() {
     inline_or_file(node, key, source, [&out](const Node& n, const std::string& k, Source& s) {
       MapReader map(n, k, s);
       wheel_table().read(map, out.wheel);
+      const char* const other = out.wheel.grouser_count > 0 ? "grousers" : out.wheel.crown_radius > 0 ? "crown_radius" : nullptr;
+      if (!out.wheel.pieces.empty() && other) s.problem(n, map.key(other), "stands beside pieces, which touch in its place", "one of the two");
     });
   };
   section.write = [](const Scenario& in) { return wheel_table().write(in.wheel); };

@@ -62,7 +62,8 @@ struct NodeSpringTerrain::Roll {
   bool lay_frame();
   void describe();
   double radius_of(double y) const {
-    double r = plain || !s.wheel ? shape.radius : s.wheel->radius_at(y) + lift;
+    if (!plain && !s.wheel) return rolling.outer + lift;
+    double r = plain ? shape.radius : s.wheel->radius_at(y) + lift;
     if (s.wheel && s.wheel->shape().grousers.count > 0) r += s.wheel->shape().grousers.height;
     return r;
   }

@@ -27,10 +27,12 @@ struct Closest {
   Vec3 n_B = Vec3::UnitZ();
 };
 
-// A rim that rolls about body y: the radius that slip and sinkage refer to, and the width [m].
+// A rim that rolls about body y: the radius that slip and sinkage refer to, the width, and the radius that nothing of the
+// body lies beyond, lugs and paddles included [m].
 struct Rolling {
   double radius = 0.0;
   double width = 0.0;
+  double outer = 0.0;
 };
 
 class Body {

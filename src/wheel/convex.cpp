@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 namespace terrode::wheel {
 
@@ -190,9 +191,32 @@ ccd_t settings() {
   return ccd;
 }
 
+// Every plane through three points that has all others on one side.
+std::vector<std::pair<Vec3, double>> faces_of(const ConvexPieces::Piece& piece) {
+  constexpr std::size_t most_points = 48;
+  const std::vector<Vec3>& p = piece.points;
+  std::vector<std::pair<Vec3, double>> out;
+  if (p.size() > most_points) return out;
+  const double close = 1e-10 * piece.radius;
+  for (std::size_t i = 0; i < p.size(); ++i)
+    for (std::size_t j = i + 1; j < p.size(); ++j)
+      for (std::size_t k = j + 1; k < p.size(); ++k) {
+        Vec3 n = (p[j] - p[i]).cross(p[k] - p[i]);
+        if (!(n.norm() > 1e-12 * piece.radius * piece.radius)) continue;
+        n.normalize();
+        if (n.dot(p[i] - piece.centre) < 0) n = -n;
+        const double d = n.dot(p[i]);
+        const bool face = std::all_of(p.begin(), p.end(), [&](const Vec3& q) { return n.dot(q) <= d + close; });
+        const bool known = std::any_of(out.begin(), out.end(), [&](const auto& f) { return f.first.dot(n) > 1.0 - 1e-12; });
+        if (face && !known) out.emplace_back(n, d);
+      }
+  return out;
+}
+
 }  // namespace
 
-ConvexPieces::ConvexPieces(std::vector<std::vector<Vec3>> pieces) {
+ConvexPieces::ConvexPieces(std::vector<std::vector<Vec3>> pieces, std::optional<Rolling> rim) : rim_(rim) {
+  if (rim_) rim_->outer = 0.0;
   if (pieces.empty()) throw InputError("a body of convex pieces needs at least one");
   for (auto& points : pieces) {
     Piece piece;
@@ -201,6 +225,7 @@ ConvexPieces::ConvexPieces(std::vector<std::vector<Vec3>> pieces) {
       if (!p.allFinite()) throw InputError("a point of a convex piece is not finite");
       piece.centre += p / static_cast<double>(points.size());
       bounding_radius_ = std::max(bounding_radius_, p.norm());
+      if (rim_) rim_->outer = std::max(rim_->outer, std::hypot(p.x(), p.z()));
     }
     Mat3 spread = Mat3::Zero();
     for (const Vec3& p : points) {
@@ -210,8 +235,21 @@ ConvexPieces::ConvexPieces(std::vector<std::vector<Vec3>> pieces) {
     constexpr double flat = 1e-12;  // of the greatest spread cubed: points in a plane leave only rounding
     if (!(spread.determinant() > flat * std::pow(spread.trace(), 3))) throw InputError("the points of a convex piece lie in a plane");
     piece.points = std::move(points);
+    piece.faces = faces_of(piece);
     pieces_.push_back(std::move(piece));
   }
+}
+
+std::vector<std::vector<Vec3>> around_axle(const std::vector<std::vector<Vec3>>& pieces, int count) {
+  std::vector<std::vector<Vec3>> out;
+  for (int i = 0; i < count; ++i) {
+    const Eigen::AngleAxisd turn(2.0 * std::numbers::pi * i / count, Vec3::UnitY());
+    for (const auto& points : pieces) {
+      out.emplace_back();
+      for (const Vec3& p : points) out.back().push_back(turn * p);
+    }
+  }
+  return out;
 }
 
 Vec3 ConvexPieces::support(const Vec3& d) const {
@@ -292,6 +330,28 @@ bool ConvexPieces::ray(const Vec3& o, const Vec3& d, RayHit& hit) const {
     if (off > piece.radius) continue;
     double lo = along - piece.radius * 1.001, hi = along + piece.radius * 1.001;
     if (hi < 0 || (any && lo >= hit.distance)) continue;
+    if (!piece.faces.empty()) {
+      // Between where the line comes in through the last face and where it goes out through the first.
+      double in = -std::numeric_limits<double>::infinity(), out = -in;
+      const Vec3* through = nullptr;
+      for (const auto& [n, at] : piece.faces) {
+        const double speed = n.dot(d), gap = at - n.dot(o);
+        if (speed == 0.0) {
+          if (gap < 0) out = -std::numeric_limits<double>::infinity();
+        } else if (speed < 0) {
+          if (gap / speed > in) {
+            in = gap / speed;
+            through = &n;
+          }
+        } else {
+          out = std::min(out, gap / speed);
+        }
+      }
+      if (!through || in > out || in < 0 || (any && in >= hit.distance)) continue;
+      any = true;
+      hit = {in, o + in * d, *through, false};
+      continue;
+    }
     Rod rod{o + lo * d, o + hi * d};
     if (!ccdMPRIntersect(&piece, &rod, &ccd)) continue;
     const double start = lo;

@@ -2,6 +2,8 @@
 // libccd's support functions.
 #pragma once
 
+#include <optional>
+
 #include "wheel/body.h"
 
 namespace terrode::wheel {
@@ -56,28 +58,36 @@ class Sphere final : public Body {
   double radius_;
 };
 
-// The union of convex hulls of point clouds. Nearest points and rays come from libccd (Minkowski portal refinement on
-// support functions: Snethen 2008), good to `accuracy`.
+// The union of convex hulls of point clouds. Nearest points come from libccd (Minkowski portal refinement on support
+// functions: Snethen 2008), good to `accuracy`; rays from the faces of hulls of up to 48 points, else from libccd.
 class ConvexPieces final : public Body {
  public:
   static constexpr double accuracy = 1e-9;  // [m]
+  // With `rim` they are a wheel about y (paddles, legs, a polygon); its `outer` radius is that of the pieces' points.
   // Throws InputError for no pieces, fewer than four points in one, or points that are not finite or lie in a plane.
-  explicit ConvexPieces(std::vector<std::vector<Vec3>> pieces);
+  explicit ConvexPieces(std::vector<std::vector<Vec3>> pieces, std::optional<Rolling> rim = {});
   bool ray(const Vec3& o, const Vec3& d, RayHit& hit) const override;
   Closest closest(const Vec3& p) const override;
   Vec3 support(const Vec3& d) const override;
   double bounding_radius() const override { return bounding_radius_; }
+  const Rolling* rolling() const override { return rim_ ? &*rim_ : nullptr; }
   std::string name() const override { return "convex-pieces"; }
 
   struct Piece {
     std::vector<Vec3> points;
     Vec3 centre = Vec3::Zero();
     double radius = 0.0;  // about the centre
+    // Faces of the hull, n . x = d with n outward; none where it has so many points that they are not looked for.
+    std::vector<std::pair<Vec3, double>> faces = {};
   };
 
  private:
   std::vector<Piece> pieces_;
+  std::optional<Rolling> rim_;
   double bounding_radius_ = 0.0;
 };
+
+// The pieces `count` times around the axle (body y), evenly.
+std::vector<std::vector<Vec3>> around_axle(const std::vector<std::vector<Vec3>>& pieces, int count);
 
 }  // namespace terrode::wheel

@@ -34,7 +34,7 @@ Problems WheelShape::validate() const {
 
 Wheel::Wheel(const WheelShape& shape) : shape_(shape) {
   throw_if_any(shape.validate());
-  rolling_ = {shape.radius, shape.width};
+  rolling_ = {shape.radius, shape.width, shape.radius + (shape.grousers.count > 0 ? shape.grousers.height : 0.0)};
   const Grousers& g = shape.grousers;
   const double half = 0.5 * shape.width;
   bounding_radius_ = std::hypot(shape.radius, half);

@@ -100,5 +100,35 @@ TEST(Wheel, ReportsEveryProblem) {
   EXPECT_THROW(ConvexPieces({{Vec3(0, 0, 0), Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(1, 1, 0)}}), InputError);  // flat
 }
 
+// A wheel of pieces meets lines where the wheel in closed form does that it copies.
+TEST(ConvexPiecesOfAWheel, MeetLinesAsTheWheel) {
+  const Wheel closed(WheelShape{0.1, 0.08, 0.0, {12, 0.01, 0.004, 0.0, GrouserShape::straight, 0.0}});
+  const double step = 2.0 * std::numbers::pi / 720;
+  std::vector<std::vector<Vec3>> pieces;
+  for (int i = 0; i < 60; ++i) {
+    pieces.emplace_back();
+    for (const double y : {-0.04, 0.04}) {
+      pieces.back().emplace_back(0.0, y, 0.0);
+      for (const double a : {i * step, (i + 1) * step}) pieces.back().emplace_back(-0.1 * std::sin(a), y, -0.1 * std::cos(a));
+    }
+  }
+  pieces.emplace_back();
+  for (const double y : {-0.04, 0.04})
+    for (const double x : {-0.002, 0.002})
+      for (const double z : {-0.11, -0.05}) pieces.back().emplace_back(x, y, z);
+  const ConvexPieces hulls(around_axle(pieces, 12), Rolling{0.1, 0.08, 0.0});
+  EXPECT_NEAR(hulls.rolling()->outer, 0.11, 1e-4);
+  EXPECT_EQ(hulls.rolling()->radius, 0.1);
+  for (int i = 0; i < 400; ++i) {
+    const double turn = 0.0157 * i, x = 0.09 * std::sin(1.7 * i), y = 0.039 * std::sin(2.3 * i);
+    const Eigen::AngleAxisd q(turn, Vec3::UnitY());
+    const Vec3 from = q * Vec3(x, y, -0.3), d = q * Vec3::UnitZ();
+    RayHit a, b;
+    ASSERT_EQ(closed.ray(from, d, a), hulls.ray(from, d, b));
+    EXPECT_NEAR(a.distance, b.distance, 2e-5) << turn << " " << x;  // sagitta of half a degree: 1e-6, over a steep flank
+    EXPECT_GT(a.n_B.dot(b.n_B), 0.9999) << turn << " " << x;
+  }
+}
+
 }  // namespace
 }  // namespace terrode::wheel
