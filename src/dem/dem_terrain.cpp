@@ -304,6 +304,16 @@ double DemTerrain::height(double x, double y) const {
              : 0.0;
 }
 
+void DemTerrain::particles(std::vector<float>& position, std::vector<float>& radius) const {
+  const double width = bed_width();
+  for (const int id : simulation_->grains()) {
+    Vec3 p = simulation_->position(id);
+    p.y() -= width * std::nearbyint(p.y() / width);
+    for (const double x : p) position.push_back(static_cast<float>(x));
+    radius.push_back(static_cast<float>(simulation_->radius(id)));
+  }
+}
+
 double DemTerrain::roughness() const {
   double top = 0.0;
   for (const Grain& g : params_.prism.grains) top = std::max(top, g.position.z() + g.radius);

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "dem/bed.h"
+#include "terrain/particle_view.h"
 #include "terrain/terrain.h"
 
 namespace terrode::dem {
@@ -49,7 +50,7 @@ struct DemTerrainParams {
   Problems validate() const;
 };
 
-class DemTerrain final : public terrain::Terrain {
+class DemTerrain final : public terrain::Terrain, public terrain::ParticleView {
  public:
   // Throws InputError with every problem of the parameters.
   explicit DemTerrain(DemTerrainParams params);
@@ -67,6 +68,9 @@ class DemTerrain final : public terrain::Terrain {
   std::vector<std::uint8_t> snapshot() const override;
   void restore(std::span<const std::uint8_t> bytes) override;
   std::string name() const override { return "dem"; }
+
+  // All grains that are laid, in the order of their laying, within the bed's width along y.
+  void particles(std::vector<float>& position, std::vector<float>& radius) const override;
 
   // The particles, for pictures and tests. Positions along y repeat with the bed's width.
   const Simulation& particles() const { return *simulation_; }

@@ -933,6 +933,12 @@ std::vector<int> Simulation::ids() const {
     if (slot_of_[id] >= 0 && body_of_[std::size_t(slot_of_[id])] == is_free) out.push_back(static_cast<int>(id));
   return out;
 }
+std::vector<int> Simulation::grains() const {
+  std::vector<int> out;
+  for (std::size_t id = 0; id < slot_of_.size(); ++id)
+    if (slot_of_[id] >= 0 && body_of_[std::size_t(slot_of_[id])] < 0) out.push_back(static_cast<int>(id));
+  return out;
+}
 std::size_t Simulation::particle_count() const { return id_.size(); }
 Vec3 Simulation::position(int id) const {
   const double* x = &position_[4 * std::size_t(slot_of_[std::size_t(id)])];

@@ -139,6 +139,7 @@ class Simulation {
 
   // Particles by id, in the order they were put in; removed ones are left out of `ids`.
   std::vector<int> ids() const;        // free particles
+  std::vector<int> grains() const;     // free and frozen ones
   std::size_t particle_count() const;  // free particles and members
   std::size_t free_count() const { return free_count_; }
   Vec3 position(int id) const;

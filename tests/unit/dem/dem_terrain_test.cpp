@@ -117,6 +117,36 @@ TEST(DemTerrain, AShellStandsWhereItsWheelIs) {
   EXPECT_GT(deep.wrench(0, at(0, 0.036), {}).contact_count, 0);
 }
 
+TEST(DemTerrain, ShowsItsGrainsInTheSameOrderWithinItsWidth) {
+  DemTerrain ground(params());
+  ground.add_body(small_wheel());
+  Pose pose = at(0.0, 0.06);  // above the grains
+  const auto go = [&](int steps) {
+    Twist ahead;
+    ahead.v_W = Vec3(1.0, 0, 0);
+    for (int k = 0; k < steps; ++k) {
+      ground.begin_step(k * h, h);
+      ground.set_motion(0, pose, ahead);
+      ground.end_step();
+      pose.p_W += h * ahead.v_W;
+    }
+  };
+  go(5);
+  std::vector<float> before, after, radius_before, radius_after;
+  ground.particles(before, radius_before);
+  ASSERT_EQ(before.size(), 3 * radius_before.size());
+  ASSERT_GT(radius_before.size(), 100u);
+  go(100);  // 50 mm on: further tiles are laid
+  ground.particles(after, radius_after);
+  EXPECT_GT(after.size(), before.size());
+  for (std::size_t i = 0; i < radius_before.size(); ++i) {
+    EXPECT_EQ(radius_before[i], radius_after[i]);
+    EXPECT_NEAR(before[3 * i], after[3 * i], 0.01);
+    EXPECT_NEAR(before[3 * i + 2], after[3 * i + 2], 0.01);
+    EXPECT_LE(std::abs(after[3 * i + 1]), 0.5 * ground.bed_width() * (1 + 1e-6));
+  }
+}
+
 TEST(DemTerrain, MisuseIsRefused) {
   DemTerrain a(params());
   EXPECT_THROW(a.wrench(0, at(0, 0), {}), RunError);
