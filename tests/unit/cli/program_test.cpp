@@ -174,7 +174,7 @@ TEST_F(Program, HelpAndVersionGoToStandardOutput) {
   EXPECT_THAT(run({"man"}).out, HasSubstr(".TH TERRODE"));
   EXPECT_EQ(json::parse(run({"schema", "recording"}).out)["title"], "Terrode recording");
   // The files that editors are pointed to know every section.
-  for (const std::string kind : {"scenario", "recording", "vehicle"}) {
+  for (const std::string kind : {"scenario", "recording", "vehicle", "particle_tests"}) {
     const json now = json::parse(run({"schema", kind}).out);
     const json kept = json::parse(content(fs::path(TERRODE_SOURCE_DIR) / "docs" / (kind + ".schema.json")));
     for (const auto& [key, value] : now["properties"].items())
