@@ -154,7 +154,12 @@ void run_vehicle(const std::string& path, const VehicleArguments& a, Common& com
   if (!a.resume.empty()) work += fmt::format("--resume {} {}\n", a.resume, fs::exists(a.resume) ? fs::file_size(a.resume) : 0);
   KeptRun kept(a.kept, header_of(d, common), work, common);
   say_notes(d, common);
-  scenario::DriveRun run(d, common.threads);
+  std::optional<scenario::DriveRun> made;
+  {
+    const Progress progress = show_progress(common);
+    made.emplace(d, common.threads, progress);
+  }
+  scenario::DriveRun& run = *made;
   if (kept.resume())
     run.take_up(*kept.resume());
   else if (!a.resume.empty())
@@ -254,7 +259,7 @@ void run_vehicles(const std::vector<std::string>& files, const VehicleArguments&
       for (const double s : shares) sum += s;
       progress.report(sum / static_cast<double>(shares.size()), what);
     };
-    scenario::DriveRun run(drives[i]);
+    scenario::DriveRun run(drives[i], 1, own);
     try {
       run.run(std::min(a.until.value_or(drives[i].duration), drives[i].duration), own);
     } catch (const RunError& e) {

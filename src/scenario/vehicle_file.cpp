@@ -272,14 +272,14 @@ DriveScenario load_drive(const std::string& path) {
   return parse_drive(read_text_file(path, ReadLimits{}.bytes), path);
 }
 
-std::unique_ptr<terrain::Terrain> DriveScenario::make_ground(const effects::EffectSet& effects, int threads) const {
+std::unique_ptr<terrain::Terrain> DriveScenario::make_ground(const effects::EffectSet& effects, int threads, const Progress& progress) const {
   if (ground == "rigid") return std::make_unique<terrain::RigidTerrain>();
   if (ground == "dem") {
     if (effects.has_bed())
       throw InputError({file, 0, 0, "effects", "shape the bed, which particles do not know", "ground: node-spring"});
     Scenario for_wheel = base;
     for_wheel.rig.gravity = options.gravity.norm();
-    dem::DemTerrainParams params = particle_params(for_wheel, threads);
+    dem::DemTerrainParams params = particle_params(for_wheel, threads, progress);
     // As wide as the machine and a wheel's radius to either side.
     double half = 0.0;
     for (const VehicleWheelSpec& w : machine.wheels)
@@ -295,10 +295,10 @@ std::unique_ptr<vehicle::Controller> DriveScenario::make_controller() const {
   return std::make_unique<PathFollower>(waypoints, path);
 }
 
-DriveRun::DriveRun(const DriveScenario& drive, int threads)
+DriveRun::DriveRun(const DriveScenario& drive, int threads, const Progress& progress)
     : drive_(drive),
       effects_(effect_set(drive.base)),
-      vehicle_(drive.machine, drive.options, drive.make_ground(effects_, threads)),
+      vehicle_(drive.machine, drive.options, drive.make_ground(effects_, threads, progress)),
       controller_(drive.make_controller()) {}
 
 void DriveRun::run(double until, const Progress& progress) {

@@ -29,7 +29,8 @@ struct DriveScenario {
   vehicle::PathFollower::Options path;
   double duration = 60.0;  // s at most
 
-  std::unique_ptr<terrain::Terrain> make_ground(const effects::EffectSet& effects, int threads = 1) const;
+  // A bed of particles is settled first unless it lies in the cache; throws Interrupted when `progress` asks to stop.
+  std::unique_ptr<terrain::Terrain> make_ground(const effects::EffectSet& effects, int threads = 1, const Progress& progress = {}) const;
   std::unique_ptr<vehicle::Controller> make_controller() const;
   // Every file that the scenario and its machine name, with a digest of its bytes: with `text`, all that decides a run.
   std::string named_files() const;
@@ -65,7 +66,7 @@ struct DriveResult {
 class DriveRun {
  public:
   // Throws InputError. `drive` must outlive it; `threads` are those of a particle ground.
-  explicit DriveRun(const DriveScenario& drive, int threads = 1);
+  explicit DriveRun(const DriveScenario& drive, int threads = 1, const Progress& progress = {});
 
   // Goes on until `until` [s] or the scenario's end. Throws RunError when the machine is lost, Interrupted when asked
   // to stop; result() then has what there is.
