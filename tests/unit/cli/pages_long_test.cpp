@@ -6,7 +6,7 @@ namespace {
 
 TEST(Pages, TheTutorialRunsAsWritten) { EXPECT_GT(PageRunner().run(fs::path(TERRODE_SOURCE_DIR) / "docs/tutorial.md"), 6); }
 TEST(Pages, ReadmePrintsWhatItSays) { EXPECT_GT(PageRunner().run(fs::path(TERRODE_SOURCE_DIR) / "README.md"), 0); }
-TEST(Pages, ValidationPrintsWhatItSays) { EXPECT_GT(PageRunner().run(fs::path(TERRODE_SOURCE_DIR) / "docs/validation.md"), 1); }
+TEST(Pages, ValidationPrintsWhatItSays) { EXPECT_GT(PageRunner().run(fs::path(TERRODE_SOURCE_DIR) / "docs/validation.md"), 0); }
 
 }  // namespace
 }  // namespace terrode::docs
