@@ -21,7 +21,7 @@ namespace {
 using calibration::SoilTestFits;
 using calibration::WheelFit;
 
-struct Arguments {
+struct CalibrateArguments {
   std::string recording, to, output, weighting = "absolute", min_depth, max_depth, max_shear, plate_width;
   std::vector<std::string> free;
   double confidence = 0.95;
@@ -35,7 +35,7 @@ double length(const std::string& text, const std::string& option) {
   return q.value;
 }
 
-void calibrate(const Arguments& a, Common& common) {
+void calibrate(const CalibrateArguments& a, Common& common) {
   const recording::Recording recording = scenario::load_recording(a.recording, common.threads);
   for (const std::string& r : recording.remarks) note(common, r);
   const bool has_tests = !recording.direct_shear.empty() || !recording.pressure_sinkage.empty();
@@ -199,7 +199,7 @@ void calibrate(const Arguments& a, Common& common) {
 
 void add_calibrate(Command& app, Common& common) {
   Command* command = app.add_subcommand("calibrate", "soil parameters from soil tests and wheel runs, with covariances; writes a soil file");
-  const auto a = std::make_shared<Arguments>();
+  const auto a = std::make_shared<CalibrateArguments>();
   const std::vector<std::string> targets = {"soil_tests", "wheel", "all"};
   const std::vector<std::string> weightings = {"absolute", "relative"};
   command->add_option("RECORDING", a->recording, "recording: a folder or its recording.yaml")->required()->type_name("");

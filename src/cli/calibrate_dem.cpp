@@ -33,7 +33,7 @@ using calibration::SearchOptions;
 using calibration::SearchResult;
 using calibration::TestTarget;
 
-struct Arguments {
+struct CalibrateDemArguments {
   std::string recording, output, search = "surrogate", box, max_depth, max_shear, shear_rate, plate_rate, bulk_density, evaluate;
   std::vector<std::string> free, ranges, fixed;
   std::vector<int> evaluations;
@@ -301,7 +301,7 @@ Json misfit_json(const calibration::Misfit& m, bool shear, bool plates) {
   return out;
 }
 
-void calibrate_dem(const Arguments& a, Common& common) {
+void calibrate_dem(const CalibrateDemArguments& a, Common& common) {
   if (!a.evaluate.empty()) return evaluate(a.evaluate, common);
   if (a.recording.empty()) throw InputError(Problem{{}, 0, 0, "RECORDING", "is missing", "a recording's folder or its recording.yaml"});
   if (a.output.empty()) throw InputError(Problem{{}, 0, 0, "--output", "is missing", "a folder that keeps the evaluations"});
@@ -557,7 +557,7 @@ void calibrate_dem(const Arguments& a, Common& common) {
 
 void add_calibrate_dem(Command& app, Common& common) {
   Command* command = app.add_subcommand("calibrate-dem", "grain parameters whose simulated soil tests match the measured ones; resumable");
-  const auto a = std::make_shared<Arguments>();
+  const auto a = std::make_shared<CalibrateDemArguments>();
   static const std::vector<std::string> searches = {"surrogate", "random", "simplex"};
   command->add_option("RECORDING", a->recording, "recording with direct shear and pressure-sinkage tests")->type_name("");
   command->add_option("-o,--output", a->output, "folder that keeps the evaluations; what is in it already is not computed again")->type_name("DIR");

@@ -76,7 +76,7 @@ const std::vector<Choice>& choices() {
   return list;
 }
 
-struct Arguments {
+struct ConvergeArguments {
   std::string scenario, over, against, slip, method = "node-spring";
   std::optional<double> from, node_spacing, time_step, travel;
   int levels = 5;
@@ -136,7 +136,7 @@ double contacts(const SweepPoint& p) {
   return sum / static_cast<double>(c->values.size() - half);
 }
 
-void converge(const Arguments& arguments, Common& common) {
+void converge(const ConvergeArguments& arguments, Common& common) {
   Scenario base = scenario::load_scenario(arguments.scenario);
   scenario::set_if(base.terrain.node_spacing, arguments.node_spacing);
   scenario::set_if(base.rig.time_step, arguments.time_step);
@@ -287,7 +287,7 @@ void converge(const Arguments& arguments, Common& common) {
 void add_converge(Command& app, Common& common) {
   Command* command =
       app.add_subcommand("converge", "repeat a run while refining one numerical choice; value and cost at each, order of convergence");
-  const auto a = std::make_shared<Arguments>();
+  const auto a = std::make_shared<ConvergeArguments>();
   const std::vector<std::string> over = {"time_step", "node_spacing", "domain", "particles", "coupling"};
   command->add_option("SCENARIO", a->scenario, "scenario file, or a recording")->required()->type_name("");
   command->add_option("--over", a->over, "what to refine: time_step, node_spacing, domain, particles, coupling")

@@ -30,7 +30,7 @@ namespace fs = std::filesystem;
 using calibration::TestTarget;
 using calibration::WheelFit;
 
-struct Arguments {
+struct DemToBekkerArguments {
   std::string scenario, output, slips, sweep, travel, sinkage;
   std::vector<std::string> stresses, plates, free;
   int repeats = 3, starts = 24;
@@ -60,7 +60,7 @@ Json soil_test_json(const SoilTest& t, const std::string& recipe) {
 }
 
 // The tests for this wheel: stresses about its mean contact pressure, plates about the size of its contact.
-std::vector<SoilTest> planned(const Arguments& a, const scenario::Scenario& s, double diameter) {
+std::vector<SoilTest> planned(const DemToBekkerArguments& a, const scenario::Scenario& s, double diameter) {
   const double load = s.operating_points().front().normal_load, pressure = load / (s.wheel.width * 0.7 * s.wheel.radius);
   std::vector<double> stresses = quantities(a.stresses, "Pa", "--stress"), plates = quantities(a.plates, "m", "--plate");
   if (stresses.empty()) stresses = {0.4 * pressure, pressure, 2.5 * pressure};
@@ -146,7 +146,7 @@ std::string last_line(const fs::path& path) {
 }
 
 // The wheel on the same particles by `terrode sweep`, which goes on from what is in its file.
-void run_sweep(const Arguments& a, const fs::path& file, const fs::path& log, const Common& common, const Progress& progress) {
+void run_sweep(const DemToBekkerArguments& a, const fs::path& file, const fs::path& log, const Common& common, const Progress& progress) {
   std::vector<std::string> words = {"sweep", a.scenario, "--method", "dem", "-o", file.string(), "-j", std::to_string(common.threads)};
   if (!a.slips.empty()) words.push_back("--slip=" + a.slips);
   if (a.overwrite) words.emplace_back("--overwrite");
@@ -186,7 +186,7 @@ std::vector<std::array<double, 3>> predict(const bekker::Soil& soil, const bekke
 double shear_stress(const bekker::Soil& s, double normal, double j) { return (s.cohesion + normal * std::tan(s.friction_angle)) * -std::expm1(-j / s.shear_modulus); }
 double pressure(const bekker::Soil& s, double z) { return s.k * std::pow(std::max(0.0, z) / s.plate_width, s.n); }
 
-void dem_to_bekker(const Arguments& a, Common& common) {
+void dem_to_bekker(const DemToBekkerArguments& a, Common& common) {
   const scenario::Scenario s = load_input(a.scenario, common);
   if (a.output.empty()) throw InputError(Problem{{}, 0, 0, "--output", "is missing", "a folder that keeps tests and sweep"});
   const fs::path folder = a.output;
@@ -416,7 +416,7 @@ void dem_to_bekker(const Arguments& a, Common& common) {
 
 void add_dem_to_bekker(Command& app, Common& common) {
   Command* command = app.add_subcommand("dem-to-bekker", "soil tests and a wheel sweep on particles, Bekker's parameters fitted to both, and where they disagree; resumable");
-  const auto a = std::make_shared<Arguments>();
+  const auto a = std::make_shared<DemToBekkerArguments>();
   command->add_option("SCENARIO", a->scenario, "scenario file, or a recording")->required()->type_name("");
   command->add_option("-o,--output", a->output, "folder that keeps tests and sweep; what is in it already is not computed again")->type_name("DIR");
   command->add_option("--slip", a->slips, "slips of the wheel, by the convention of the scenario: 0,0.1,0.3 or FROM:TO:STEP")->type_name("LIST");

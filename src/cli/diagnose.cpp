@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 using diagnosis::Diagnosis;
 using diagnosis::kChannels;
 
-struct Arguments {
+struct DiagnoseArguments {
   std::string recording, scenario, folder;
   std::vector<std::string> without;
   bool no_replay = false;
@@ -331,7 +331,7 @@ report::Page page_of(const Diagnosis& d, const ReplayResult& replayed, const std
   return page;
 }
 
-recording::Recording load(const Arguments& a, int threads) {
+recording::Recording load(const DiagnoseArguments& a, int threads) {
   recording::Recording r;
   if (scenario::is_recording(a.recording)) {
     r = scenario::load_recording(a.recording, threads);
@@ -357,7 +357,7 @@ recording::Recording load(const Arguments& a, int threads) {
   return r;
 }
 
-void diagnose_command(const Arguments& a, Common& common) {
+void diagnose_command(const DiagnoseArguments& a, Common& common) {
   const recording::Recording recording = load(a, common.threads);
   std::error_code error;
   fs::create_directories(a.folder, error);
@@ -402,7 +402,7 @@ void diagnose_command(const Arguments& a, Common& common) {
 }  // namespace
 
 void add_diagnose(Command& app, Common& common) {
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<DiagnoseArguments>();
   Command* command = app.add_subcommand("diagnose", "where simulation and recording part, what physics was left out, and what modelling it gains");
   command->add_option("RECORDING", a->recording, "a recording (folder or recording.yaml), or a scenario with measured points")->required();
   command->add_option("--scenario", a->scenario, "wheel and believed soil from this scenario instead");

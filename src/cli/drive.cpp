@@ -9,7 +9,7 @@
 namespace terrode::cli {
 namespace {
 
-struct Arguments {
+struct DriveArguments {
   std::vector<std::string> files;
   VehicleArguments rest;
 };
@@ -18,7 +18,7 @@ struct Arguments {
 
 void add_drive(Command& app, Common& common) {
   Command* command = app.add_subcommand("drive", "whole machines over soft ground: as run, and several scenarios at once (-o then names a folder)");
-  const auto a = std::make_shared<Arguments>();
+  const auto a = std::make_shared<DriveArguments>();
   command->add_option("SCENARIO", a->files, "vehicle scenarios (YAML with a key `vehicle`)")->required()->type_name("");
   add_kept_run(*command, a->rest.kept);
   command->add_option("--csv", a->rest.csv, "write the time series to this file")->type_name("FILE.csv");

@@ -12,11 +12,11 @@
 namespace terrode::cli {
 namespace {
 
-struct Arguments {
+struct ExportArguments {
   std::string result, format = "csv", output;
 };
 
-void export_csv(const Arguments& a) {
+void export_csv(const ExportArguments& a) {
   const recording::Hdf5File file = recording::Hdf5File::open(a.result);
   recording::read_header(file);
   std::string text;
@@ -34,7 +34,7 @@ void export_csv(const Arguments& a) {
     write_text_atomically(a.output, text);
 }
 
-void export_vtk(const Arguments& a, const Common& common) {
+void export_vtk(const ExportArguments& a, const Common& common) {
   const recording::Hdf5File file = recording::Hdf5File::open(a.result);
   recording::read_header(file);
   if (!recording::FrameReader::has_frames(file))
@@ -57,7 +57,7 @@ void export_vtk(const Arguments& a, const Common& common) {
 
 void add_export(Command& app, Common& common) {
   Command* command = app.add_subcommand("export", "a result for spreadsheets (csv), its frames for ParaView (vtk)");
-  const auto a = std::make_shared<Arguments>();
+  const auto a = std::make_shared<ExportArguments>();
   const std::vector<std::string> formats = {"csv", "vtk"};
   command->add_option("RESULT", a->result, "result file (HDF5)")->required()->type_name("");
   command->add_option("--to", a->format, "csv, vtk")->required()->check(is_member(formats))->type_name("FORMAT");

@@ -25,7 +25,7 @@
 namespace terrode::cli {
 namespace {
 
-struct Arguments {
+struct RunArguments {
   std::string scenario, csv, soil, method;
   std::string slip;
   int frames = 0;
@@ -38,7 +38,7 @@ void refuse(const char* option, bool given, const char* what) {
   if (given) throw InputError({{}, 0, 0, option, std::string("is for ") + what, "another option"});
 }
 
-void run_rig(const Arguments& a, Common& common) {
+void run_rig(const RunArguments& a, Common& common) {
   const char* const vehicles = "vehicle scenarios";
   refuse("--state", !a.state.empty(), vehicles);
   refuse("--resume", !a.resume.empty(), vehicles);
@@ -178,7 +178,7 @@ void run_rig(const Arguments& a, Common& common) {
   }
 }
 
-void run(const Arguments& a, Common& common) {
+void run(const RunArguments& a, Common& common) {
   if (std::filesystem::is_directory(a.scenario) || !scenario::is_drive(a.scenario)) {
     run_rig(a, common);
     return;
@@ -199,7 +199,7 @@ void run(const Arguments& a, Common& common) {
 
 void add_run(Command& app, Common& common) {
   Command* command = app.add_subcommand("run", "simulate a scenario as a time series: one run of the single-wheel rig, a vehicle, or soil tests on particles");
-  const auto a = std::make_shared<Arguments>();
+  const auto a = std::make_shared<RunArguments>();
   command->add_option("SCENARIO", a->scenario, "scenario file of a rig or a vehicle, or a recording")->required()->type_name("");
   command->add_option("--method", a->method, "node-spring, dem, mpi (default: the scenario's first that simulates in time)")
       ->check(is_member(scenario::method_names()))

@@ -26,7 +26,7 @@ using scenario::OperatingPoint;
 
 constexpr const char* kPending = "not computed yet";
 
-struct Arguments {
+struct SweepArguments {
   std::string scenario, output, csv, slips, figure;
   std::vector<std::string> methods;
   bool overwrite = false;
@@ -157,7 +157,7 @@ std::vector<std::string> unique(const std::vector<std::string>& names) {
   return out;
 }
 
-void sweep(const Arguments& arguments, Common& common) {
+void sweep(const SweepArguments& arguments, Common& common) {
   const scenario::Scenario s = load_input(arguments.scenario, common);
   const std::vector<std::string> names = !arguments.methods.empty() ? unique(arguments.methods)
                                          : !s.methods.empty()       ? unique(s.methods)
@@ -267,7 +267,7 @@ void sweep(const Arguments& arguments, Common& common) {
 
 void add_sweep(Command& app, Common& common) {
   Command* command = app.add_subcommand("sweep", "slip sweep of a rig by one or several methods, side by side; resumable");
-  const auto a = std::make_shared<Arguments>();
+  const auto a = std::make_shared<SweepArguments>();
   command->add_option("SCENARIO", a->scenario, "scenario file, or a recording")->required()->type_name("");
   command->add_option("--method", a->methods, "steady, node-spring, dem, mpi; several joined by commas")
       ->delimiter(',')

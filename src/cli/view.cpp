@@ -12,11 +12,11 @@
 namespace terrode::cli {
 namespace {
 
-struct Arguments {
+struct ViewArguments {
   std::string result, output;
 };
 
-void view(const Arguments& a, const Common& common) {
+void view(const ViewArguments& a, const Common& common) {
   const recording::Hdf5File file = recording::Hdf5File::open(a.result);
   const recording::ResultHeader header = recording::read_header(file);
   if (!recording::FrameReader::has_frames(file))
@@ -43,7 +43,7 @@ void view(const Arguments& a, const Common& common) {
 
 void add_view(Command& app, Common& common) {
   Command* command = app.add_subcommand("view", "a self-contained page that plays a run in 3-D");
-  const auto a = std::make_shared<Arguments>();
+  const auto a = std::make_shared<ViewArguments>();
   command->add_option("RESULT", a->result, "result file (HDF5) with frames")->required()->type_name("");
   command->add_option("-o,--output", a->output, "page to write (default: the result's name with .html)")->type_name("FILE.html");
   add_common(*command, common, false);
