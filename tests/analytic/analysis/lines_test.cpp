@@ -12,7 +12,7 @@
 namespace terrode::analysis {
 namespace {
 
-constexpr double kTwoPi = 2.0 * std::numbers::pi;
+constexpr double kTurn = 2.0 * std::numbers::pi;
 constexpr double kRadius = 0.13;  // m
 
 struct Made {
@@ -36,14 +36,14 @@ recording::Run make_run(const Made& m, const std::function<double(double, double
   const auto n = static_cast<std::size_t>(m.length * m.rate);
   for (std::size_t i = 0; i < n; ++i) {
     const double t = static_cast<double>(i) / m.rate;
-    const double w = m.omega * (1.0 + m.sway * std::sin(kTwoPi * t / m.length));
+    const double w = m.omega * (1.0 + m.sway * std::sin(kTurn * t / m.length));
     const double v = w * kRadius * (1.0 - m.slip);
     run.time.push_back(t);
     red = 0.7 * red + std::sqrt(1.0 - 0.49) * random.normal();
     drawbar.values.push_back(10.0 + m.noise * red + signal(t, turns, travel, slipped));
     omega.values.push_back(w);
     speed.values.push_back(v);
-    turns += w / m.rate / kTwoPi;
+    turns += w / m.rate / kTurn;
     travel += v / m.rate;
     slipped += std::abs(kRadius * w - v) / m.rate;
   }
@@ -107,7 +107,7 @@ TEST(Lines, FalseAlarmsStayWithinWhatIsAllowed) {
 TEST(Lines, FindsFrequencyAmplitudeAndShare) {
   Made m;
   m.seed = 5;
-  const auto run = make_run(m, [](double t, double, double, double) { return 0.4 * std::cos(kTwoPi * 2.345 * t + 0.5); });
+  const auto run = make_run(m, [](double t, double, double, double) { return 0.4 * std::cos(kTurn * 2.345 * t + 0.5); });
   LineOptions o = options();
   o.begin = 0.0;
   const ChannelSpectrum c = channel_spectrum(run, "drawbar_pull", o);
@@ -120,7 +120,7 @@ TEST(Lines, FindsFrequencyAmplitudeAndShare) {
   EXPECT_NEAR(l.share_of_variance, 0.08 / (0.08 + 0.09), 0.1);
   EXPECT_TRUE(l.sinusoidal);
   EXPECT_GT(l.significance, 3.0);
-  EXPECT_NEAR(l.order, 2.345 / (0.3 / kTwoPi), 0.3);
+  EXPECT_NEAR(l.order, 2.345 / (0.3 / kTurn), 0.3);
   EXPECT_EQ(l.locked_to, Lock::undecided);
   EXPECT_NEAR(c.mean, 10.0, 0.1);
 }
@@ -129,7 +129,7 @@ TEST(Lines, FindsAWeakLineBesideAStrongOneAndNamesHarmonics) {
   Made m;
   m.seed = 6;
   const auto run = make_run(m, [](double t, double, double, double) {
-    return 20.0 * std::sin(kTwoPi * 1.5 * t) + 0.5 * std::sin(kTwoPi * 3.0 * t) + 0.4 * std::sin(kTwoPi * 5.21 * t);
+    return 20.0 * std::sin(kTurn * 1.5 * t) + 0.5 * std::sin(kTurn * 3.0 * t) + 0.4 * std::sin(kTurn * 5.21 * t);
   });
   LineOptions faint = options();
   faint.smallest_share = 0.0;
@@ -155,7 +155,7 @@ TEST(Lines, AStrongBroadLineStaysOutOfItsOwnBackground) {
     for (std::size_t i = 0; i < 400; ++i) {
       run.time.push_back(0.05 * static_cast<double>(i));
       wander = 0.98 * wander + 0.1 * random.normal();  // 0.13 Hz; the bandwidth is 0.15 Hz
-      phase += kTwoPi * 0.05 * (3.0 + 0.25 * wander);
+      phase += kTurn * 0.05 * (3.0 + 0.25 * wander);
       c.values.push_back(2.0 * std::sin(phase) + 0.5 * random.normal());
     }
     run.channels = {c};
@@ -178,10 +178,10 @@ struct Origin {
 
 TEST(Lines, AreLockedToWhatMadeThem) {
   const Origin origins[] = {
-      {Lock::time, 1.7, [](double t, double, double, double) { return 0.5 * std::sin(kTwoPi * 1.7 * t); }},
-      {Lock::wheel, 24.0, [](double, double u, double, double) { return 0.5 * std::sin(kTwoPi * 24.0 * u); }},
-      {Lock::travel, 45.0, [](double, double, double x, double) { return 0.5 * std::sin(kTwoPi * 45.0 * x); }},
-      {Lock::slip_travel, 80.0, [](double, double, double, double j) { return 0.5 * std::sin(kTwoPi * 80.0 * j); }},
+      {Lock::time, 1.7, [](double t, double, double, double) { return 0.5 * std::sin(kTurn * 1.7 * t); }},
+      {Lock::wheel, 24.0, [](double, double u, double, double) { return 0.5 * std::sin(kTurn * 24.0 * u); }},
+      {Lock::travel, 45.0, [](double, double, double x, double) { return 0.5 * std::sin(kTurn * 45.0 * x); }},
+      {Lock::slip_travel, 80.0, [](double, double, double, double j) { return 0.5 * std::sin(kTurn * 80.0 * j); }},
   };
   for (const Origin& o : origins) {
     const Oscillation result = analyse_oscillation(make_runs(o.signal), {}, options());
@@ -196,7 +196,7 @@ TEST(Lines, AreLockedToWhatMadeThem) {
 
 TEST(Lines, ARateThatRisesWithSlipFromAFloorIsSlipTravel) {
   // f = 12.5 r omega + 70 |r omega - v|
-  const auto signal = [](double, double u, double, double j) { return 0.6 * std::sin(kTwoPi * (12.5 * kRadius * kTwoPi * u + 70.0 * j)); };
+  const auto signal = [](double, double u, double, double j) { return 0.6 * std::sin(kTurn * (12.5 * kRadius * kTurn * u + 70.0 * j)); };
   const LineTrack* t = nullptr;
   const Oscillation o = analyse_oscillation(make_runs(signal), {}, options());
   t = strongest(o);
@@ -207,7 +207,7 @@ TEST(Lines, ARateThatRisesWithSlipFromAFloorIsSlipTravel) {
 }
 
 TEST(Lines, ClaimNothingThatTheRunsCannotTell) {
-  const auto grousers = [](double, double u, double, double) { return 0.5 * std::sin(kTwoPi * 24.0 * u); };
+  const auto grousers = [](double, double u, double, double) { return 0.5 * std::sin(kTurn * 24.0 * u); };
   Made a, b;
   a.seed = 21;
   b.seed = 22;
@@ -236,7 +236,7 @@ TEST(Lines, SpeedThatVariesWithinOneRunDecides) {
   m.length = 40.0;
   m.noise = 0.1;
   m.seed = 31;
-  const auto wheel = make_run(m, [](double, double u, double, double) { return 0.5 * std::sin(kTwoPi * 24.0 * u); });
+  const auto wheel = make_run(m, [](double, double u, double, double) { return 0.5 * std::sin(kTurn * 24.0 * u); });
   LineOptions o = options();
   o.begin = 0.0;
   const auto osc = analyse_oscillation({wheel}, {}, o);
@@ -251,7 +251,7 @@ TEST(Lines, SpeedThatVariesWithinOneRunDecides) {
 
 TEST(Resonances, DampingOfADrivenAndOfAFreeOscillator) {
   const double f0 = 4.0, zeta = 0.03, dt = 0.005;
-  const double w = kTwoPi * f0, wd = w * std::sqrt(1 - zeta * zeta), decay = std::exp(-zeta * w * dt);
+  const double w = kTurn * f0, wd = w * std::sqrt(1 - zeta * zeta), decay = std::exp(-zeta * w * dt);
   Random random(41);
   EvenSeries driven, free;
   driven.step = free.step = dt;

@@ -11,7 +11,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-std::string problem_of(const std::string& yaml, ReadLimits limits = {}) {
+std::string problem_when_read(const std::string& yaml, ReadLimits limits = {}) {
   try {
     parse_yaml(yaml, "f.yaml", limits);
   } catch (const InputError& e) {
@@ -78,35 +78,35 @@ TEST(Reader, KeepingReaderNotesUnknownKeysAndRefusesNearOnes) {
 }
 
 TEST(Reader, RefusesDuplicateKeys) {
-  EXPECT_EQ(problem_of("a: 1\nb:\n  c: 2\n  c: 3\n"), "f.yaml:4:3: b.c: is given twice (first in line 3), expected each key once");
+  EXPECT_EQ(problem_when_read("a: 1\nb:\n  c: 2\n  c: 3\n"), "f.yaml:4:3: b.c: is given twice (first in line 3), expected each key once");
 }
 
 TEST(Reader, TurnsSyntaxErrorsIntoProblems) {
-  EXPECT_THAT(problem_of("a: [1, 2\nb: 3\n"), HasSubstr("f.yaml:"));
-  EXPECT_THAT(problem_of("a: \"open\n"), HasSubstr("is not YAML here"));
-  EXPECT_THAT(problem_of("a: 1\n---\nb: 2\n"), HasSubstr("a second document"));
-  EXPECT_THAT(problem_of("a: !!python/object x\n---\n"), HasSubstr("second document"));
-  EXPECT_THAT(problem_of("a: !mine x\n"), HasSubstr("tag"));
-  EXPECT_THAT(problem_of(std::string("a: 1\nb\0: 2\n", 11)), HasSubstr("f.yaml:2: holds a zero byte"));
-  EXPECT_THAT(problem_of("? [a, b]\n: 1\n"), HasSubstr("a key that is not text"));
-  EXPECT_THAT(problem_of("a: *nowhere\n"), HasSubstr("f.yaml:1"));
+  EXPECT_THAT(problem_when_read("a: [1, 2\nb: 3\n"), HasSubstr("f.yaml:"));
+  EXPECT_THAT(problem_when_read("a: \"open\n"), HasSubstr("is not YAML here"));
+  EXPECT_THAT(problem_when_read("a: 1\n---\nb: 2\n"), HasSubstr("a second document"));
+  EXPECT_THAT(problem_when_read("a: !!python/object x\n---\n"), HasSubstr("second document"));
+  EXPECT_THAT(problem_when_read("a: !mine x\n"), HasSubstr("tag"));
+  EXPECT_THAT(problem_when_read(std::string("a: 1\nb\0: 2\n", 11)), HasSubstr("f.yaml:2: holds a zero byte"));
+  EXPECT_THAT(problem_when_read("? [a, b]\n: 1\n"), HasSubstr("a key that is not text"));
+  EXPECT_THAT(problem_when_read("a: *nowhere\n"), HasSubstr("f.yaml:1"));
 }
 
 TEST(Reader, RefusesBombs) {
   std::string deep;
   for (int i = 0; i < 5000; ++i) deep += "[";
-  EXPECT_THAT(problem_of(deep), HasSubstr("nested more than 32 levels"));
+  EXPECT_THAT(problem_when_read(deep), HasSubstr("nested more than 32 levels"));
   std::string laughs = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n";
   for (int i = 1; i < 12; ++i) {
     laughs += "a" + std::to_string(i) + ": &a" + std::to_string(i) + " [";
     for (int k = 0; k < 10; ++k) laughs += std::string(k ? "," : "") + "*a" + std::to_string(i - 1);
     laughs += "]\n";
   }
-  EXPECT_THAT(problem_of(laughs), HasSubstr("more than 200000 values"));
-  EXPECT_THAT(problem_of("a: &x [*x]\n"), HasSubstr("contains it"));
+  EXPECT_THAT(problem_when_read(laughs), HasSubstr("more than 200000 values"));
+  EXPECT_THAT(problem_when_read("a: &x [*x]\n"), HasSubstr("contains it"));
   ReadLimits small;
   small.bytes = 10;
-  EXPECT_THAT(problem_of("a: 123456789\n", small), HasSubstr("larger than 10 bytes"));
+  EXPECT_THAT(problem_when_read("a: 123456789\n", small), HasSubstr("larger than 10 bytes"));
 }
 
 TEST(Reader, FilesThatCannotBeReadSayWhy) {
