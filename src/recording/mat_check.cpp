@@ -335,7 +335,7 @@ void check_mat_file(const std::string& path) {
   const std::string_view order(header.data() + 126, 2);
   if (order != "IM" && order != "MI") throw InputError(none);
   const bool swap = (order == "IM") != (std::endian::native == std::endian::little);
-  const unsigned char low = static_cast<unsigned char>(header[124]), high = static_cast<unsigned char>(header[125]);
+  const unsigned low = static_cast<unsigned char>(header[124]), high = static_cast<unsigned char>(header[125]);
   const unsigned version = order == "IM" ? low | high << 8u : high | low << 8u;
   if (version == 0x0100) return Walk(budget, swap).variables(file);
   if (version != 0x0200) throw InputError(none);

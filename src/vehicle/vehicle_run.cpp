@@ -86,8 +86,9 @@ std::string Vehicle::immobile_reason() const {
   constexpr double held = 0.02;  // of the weight against the motion
   for (const auto& [name, b] : bodies_) {
     const double against = -std::copysign(1.0, commanded_speed_) * b->contact_load().F_W.dot(ahead);
-    const bool own = std::any_of(spec_.bodies.begin(), spec_.bodies.end(), [&](const BodySpec& x) { return x.name == name; }) ||
-                     std::any_of(spec_.wheels.begin(), spec_.wheels.end(), [&](const VehicleWheelSpec& x) { return x.name == name; });
+    const auto is_it = [&sought = name](const auto& x) { return x.name == sought; };  // clang 14 captures no bindings
+    const bool own = std::any_of(spec_.bodies.begin(), spec_.bodies.end(), is_it) ||
+                     std::any_of(spec_.wheels.begin(), spec_.wheels.end(), is_it);
     if (own && against > held * weight) return fmt::format("a rock holds '{}' with {:.3g} N", name, against);
   }
   int driven = 0, spinning = 0, limited = 0;
