@@ -29,6 +29,19 @@ namespace terrode::fuzz {
 
 namespace {
 
+// A sanitizer reserves more address space than any limit leaves. clang tells of it in another way than gcc.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool kSanitized = true;
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+constexpr bool kSanitized = true;
+#else
+constexpr bool kSanitized = false;
+#endif
+#else
+constexpr bool kSanitized = false;
+#endif
+
 constexpr std::size_t kLargest = 65536;
 constexpr std::uint64_t kInputs = 200;  // the same on every machine: what tools/test says must not depend on its speed
 constexpr unsigned kSlow = 60;  // s, on a busy machine
@@ -123,10 +136,10 @@ void mutate(const std::string& name, void (*harness)(const std::uint8_t*, std::s
   const std::filesystem::path folder = std::filesystem::path(TERRODE_BINARY_DIR) / "fuzz-findings";
   std::filesystem::create_directories(folder);
   fmt::format_to_n(current.file, sizeof current.file - 1, "{}", (folder / name).string());
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) && !defined(TERRODE_LIBFUZZER)
-  const rlimit memory{rlim_t{4} << 30, RLIM_INFINITY};
-  setrlimit(RLIMIT_AS, &memory);
-#endif
+  if (!kSanitized) {
+    const rlimit memory{rlim_t{4} << 30, RLIM_INFINITY};
+    setrlimit(RLIMIT_AS, &memory);
+  }
   for (const int number : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGALRM}) ::signal(number, on_signal);
   const double seconds = number_of("TERRODE_FUZZ_SECONDS", 0.0);
   const auto seed = static_cast<std::uint64_t>(number_of("TERRODE_FUZZ_SEED", 1.0));
