@@ -12,20 +12,26 @@
 namespace terrode::dem {
 namespace {
 
+// Few coarse grains, pushed fast: no friction angle can be read from these. The ratio of the two stresses scatters over 1.3
+// to 2.0 with the seed (eight of them), and as much with the last digits of another compiler, so three seeds are taken together.
 TEST(DirectShear, StressGrowsWithTheNormalStress) {
-  double late[2];
+  double late[2] = {0.0, 0.0};
   for (int k = 0; k < 2; ++k) {
-    DirectShearSettings s = coarse_box();
-    s.normal_stress = k == 0 ? 2080 : 8000;
-    const auto test = direct_shear(s);
-    ASSERT_EQ(test.shear_stress.size(), 21u);
-    EXPECT_NEAR(test.shear_displacement.back(), 4e-3, 1e-5);
-    late[k] = 0.0;
-    for (std::size_t q = 11; q < 21; ++q) late[k] += test.shear_stress[q] / 10;
-    EXPECT_GT(late[k], 0.2 * s.normal_stress);
-    EXPECT_LT(late[k], 2.0 * s.normal_stress);
+    for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+      DirectShearSettings s = coarse_box();
+      s.soil.seed = seed;
+      s.normal_stress = k == 0 ? 2080 : 8000;
+      const auto test = direct_shear(s);
+      ASSERT_EQ(test.shear_stress.size(), 21u);
+      EXPECT_NEAR(test.shear_displacement.back(), 4e-3, 1e-5);
+      double mean = 0.0;
+      for (std::size_t q = 11; q < 21; ++q) mean += test.shear_stress[q] / 10;
+      EXPECT_GT(mean, 0.2 * s.normal_stress);
+      EXPECT_LT(mean, 2.0 * s.normal_stress);
+      late[k] += mean / 3;
+    }
   }
-  EXPECT_GT(late[1], 1.5 * late[0]);  // few coarse grains, pushed fast: no friction angle can be read from these
+  EXPECT_GT(late[1], 1.2 * late[0]);
 }
 
 TEST(PressureSinkage, PressureGrowsWithSinkage) {
