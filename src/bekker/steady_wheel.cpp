@@ -86,6 +86,9 @@ struct Sums {
   }
 };
 
+// Of the stress law in one solution: a tenth of a second or more. Plain ones take hundreds.
+constexpr int kMostEvaluations = 2'000'000;
+
 // Everything of one evaluation at one entry angle.
 struct Evaluator {
   const LocalSoil& soil;  // as modifiers have changed it
@@ -93,6 +96,7 @@ struct Evaluator {
   const Context& context;
   const ContactArc& arc;
   int evaluations = 0;
+  int most = kMostEvaluations;  // that may be spent on it
   // Angles at which the pressure has a corner or sliding stands still.
   std::array<double, 16> corners{};
   std::size_t corner_count = 0;
@@ -431,16 +435,21 @@ struct Evaluator {
     return sums;
   }
 
-  // Adaptive bisection of each panel with two rules of different order, for stresses that no fixed rule resolves.
+  // Adaptive bisection of each panel with two rules of different order, for stresses that no fixed rule resolves. What
+  // differs by rounding, or is not finite, is not divided further; nor may a solution cost more than kMostEvaluations.
   void refine(Sums& sums, double from, double to, double u0, double u1, double tolerance, int depth) {
     Sums coarse, fine;
     piece(coarse, from, to, u0, u1, rules()[1]);
     piece(fine, from, to, u0, u1, rules()[3]);
     const double error = std::abs(fine.load - coarse.load) + std::abs(fine.pull - coarse.pull) + std::abs(fine.torque - coarse.torque);
-    if (error <= tolerance || depth == 0) {
+    const double rounding = 1e-14 * (std::abs(fine.load) + std::abs(fine.pull) + std::abs(fine.torque));
+    if (!(error > std::max(tolerance, rounding)) || depth == 0) {
       sums.add(fine, 1.0);
       return;
     }
+    if (evaluations > most)
+      throw RunError(fmt::format("steady wheel: the stresses at an entry angle of {:.3g} rad are not resolved under {:.6g} N at slip {:.4g}; "
+                                 "check the load and the soil's parameters", arc.theta_f, context.normal_load, context.slip));
     const double middle = 0.5 * (u0 + u1);
     refine(sums, from, to, u0, middle, 0.5 * tolerance, depth - 1);
     refine(sums, from, to, middle, u1, 0.5 * tolerance, depth - 1);
@@ -556,6 +565,7 @@ struct WheelProblem {
     corners.bend = order == 0 ? kCoarseBend : kBend;
     const LocalSoil soil = changed_soil(local, law, context);
     Evaluator e(soil, law, context, arc, &corners);
+    e.most = kMostEvaluations - evaluations;
     const double area = arc.radius * context.width;
     // The integrals are in Pa; each panel may err by a share of tolerance * load / area.
     const Sums sums = order < 0 ? e.adaptive(0.05 * options.tolerance * load / area) : e.integral(static_cast<std::size_t>(order));
@@ -755,6 +765,10 @@ SteadyState SteadyWheel::solve(const Operating& operating) const {
       state_order = 0;
     }
   }
+  // A search whose bracket closed on a jump, of the stresses or of their rounding, has found no root.
+  if (!(excess(state) <= 1e-3))
+    throw RunError(fmt::format("steady wheel: no entry angle found for {:.6g} N at slip {:.4g}: the soil carries {:.6g} N at {:.3g} rad; "
+                               "check the load and the soil's parameters", problem.load, operating.slip, state.normal_load, state.entry_angle));
   state.evaluations = problem.evaluations;
   return state;
 }

@@ -191,6 +191,33 @@ TEST(SteadyWheel, SaysWhenTheSoilCannotCarryTheLoad) {
   }
 }
 
+// Loads so small that rounding alone is more than the tolerance: each is carried, or refused with words, and soon.
+TEST(SteadyWheel, VanishingLoadsAreCarriedOrRefusedSoon) {
+  Soil soil;
+  soil.cohesion = 8889.38;
+  soil.friction_angle = 0.111321;
+  soil.shear_modulus = 1.28331e-3;
+  soil.n = 0.292529;
+  soil.k = 395345;
+  soil.plate_width = 1.0;
+  const SteadyWheel wheel({0.703532, 0.380919}, soil, {0.123408, 0.340276, -0.043042});
+  for (const double load : {1e3, 1.0, 1e-3, 1e-6, 1e-12, 1e-300, 5e-324}) {
+    for (const double slip : {-0.3344, 0.0, 0.6568}) {
+      Operating op;
+      op.slip = slip;
+      op.normal_load = load;
+      try {
+        const SteadyState state = wheel.solve(op);
+        EXPECT_TRUE(std::isfinite(state.drawbar_pull) && std::isfinite(state.driving_torque)) << load;
+        EXPECT_NEAR(state.normal_load, load, 1e-6 * load);
+        EXPECT_LT(state.evaluations, 2'100'000) << load << " N at slip " << slip;
+      } catch (const RunError& e) {
+        EXPECT_NE(std::string(e.what()).find("steady wheel: "), std::string::npos) << e.what();
+      }
+    }
+  }
+}
+
 TEST(SteadyWheel, NamesEveryBadParameter) {
   Soil soil;
   soil.k = -1;
