@@ -190,24 +190,8 @@ class Walk {
     return out;
   }
 
-  // An array of `left` bytes after its tag. Within a cell or structure it may be empty.
-  void array(Source& from, std::uint64_t left, int depth, bool top, bool packed) {
-    budget_.add_element(depth);
-    if (left == 0 && !top) return;
-    const Tag flags = read_tag(from, left);
-    if (flags.in_tag || flags.bytes != 8 || (flags.type != kUInt32 && flags.type != kInt32)) budget_.refuse("a variable without its kind");
-    const std::uint32_t word = number(read(from, flags, left).data());
-    const std::uint32_t kind = word & 0xffu;
-    const bool complex = (word & 0x800u) != 0;
-    const bool known = kind == kCell || kind == kStruct || kind == kChar || (kind >= kDouble && kind <= kUInt64);
-    if (!known) {
-      // Objects, functions and sparse matrices: passed over, where the library passes over them.
-      if (!top) budget_.refuse("an object, function or sparse matrix within a structure", "numbers, text and structures");
-      if (kind == kFunction && !packed) budget_.refuse("a function, not packed");
-      if (!from.skip(left)) cut_short();
-      return;
-    }
-
+  // How many elements a variable says it has.
+  std::uint64_t dimensions(Source& from, std::uint64_t& left) const {
     const Tag shape = read_tag(from, left);
     if (shape.in_tag || shape.type != kInt32 || shape.bytes % 4 != 0 || shape.bytes < 8 || shape.bytes > 4 * 13)
       budget_.refuse("a variable without dimensions", "2 to 13 of them");
@@ -220,12 +204,35 @@ class Walk {
       if (n != 0 && (n >> 31 || count > (std::uint64_t{1} << 32) / n)) budget_.refuse("dimensions beyond any file");
       count *= n == 0 ? 1 : n;
     }
-    if (empty) count = 0;
+    return empty ? 0 : count;
+  }
+
+  // An array of `left` bytes after its tag. Within a cell or structure it may be empty.
+  void array(Source& from, std::uint64_t left, int depth, bool top, bool packed) {
+    budget_.add_element(depth);
+    if (left == 0 && !top) return;
+    const Tag flags = read_tag(from, left);
+    if (flags.in_tag || flags.bytes != 8 || (flags.type != kUInt32 && flags.type != kInt32)) budget_.refuse("a variable without its kind");
+    const std::uint32_t word = number(read(from, flags, left).data());
+    const std::uint32_t kind = word & 0xffu;
+    const bool complex = (word & 0x800u) != 0;
+    const bool known = kind == kCell || kind == kStruct || kind == kChar || (kind >= kDouble && kind <= kUInt64);
+    if (!known) {
+      if (kind != kObject && kind != kSparse && kind != kFunction && kind != kOpaque) budget_.refuse(fmt::format("a variable of kind {}", kind));
+      if (!top) budget_.refuse("an object, function or sparse matrix within a structure", "numbers, text and structures");
+      if (kind == kOpaque && flags.type != kUInt32) budget_.refuse("a variable without its kind");  // the library would look for dimensions
+      if (kind == kFunction && !packed) budget_.refuse("a function, not packed");
+    }
+    const std::uint64_t count = kind == kOpaque ? 0 : dimensions(from, left);
 
     const Tag name = read_tag(from, left);
     if (name.type != kInt8 || name.bytes > kMaxName) budget_.refuse("a variable without a name");
     skip(from, name, left);
 
+    if (!known) {  // the library reads no more of these, and passes over the rest
+      if (!from.skip(left)) cut_short();
+      return;
+    }
     if (kind == kCell) {
       children(from, left, count, depth, packed);
     } else if (kind == kStruct) {
