@@ -79,6 +79,7 @@ void finish(Group& g, const TargetOptions& o, double longest, std::vector<std::s
   const double free = g.target.repeats - 1.0, w = o.repeatability_weight, n = g.target.repeats;
   g.target.level_deviation = std::sqrt((level + w * o.level_repeatability * o.level_repeatability) / (free + w) / n);
   g.target.tilt_deviation = std::sqrt((tilt + w * o.tilt_repeatability * o.tilt_repeatability) / (free + w) / n);
+  g.target.freedom = free + w;
   if (g.target.repeats == 1)
     notes.push_back(fmt::format("{}: one test only; a repeatability of {:.0f} percent is assumed", g.target.name(), 100 * o.level_repeatability));
 }

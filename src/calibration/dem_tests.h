@@ -46,6 +46,7 @@ struct TestTarget {
   double scale = 0.0;               // Pa, root mean square of `measured`
   // Deviation of the mean over the repeats: in level, and in tilt along the curve, relative to the stress.
   double level_deviation = 0.0, tilt_deviation = 0.0;
+  double freedom = 0.0;             // degrees of freedom in which the two are known
 
   std::string name() const;         // "shear at 5330 Pa", "plate of 0.05 m"
 };

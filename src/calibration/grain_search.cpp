@@ -155,6 +155,7 @@ CurveSurrogate::CurveSurrogate(const std::vector<TestTarget>& targets, const std
   }
   target_ = basis_.transpose() * off;
   covariance_ = basis_.transpose() * target_covariance(targets) * basis_;
+  for (const TestTarget& t : targets) freedom_ += std::max(1.0, t.freedom) / static_cast<double>(targets.size());
   for (int level = 0; level < levels; ++level) {
     const auto good = good_of(done, level);
     if (level > 0 && good.size() < 4) break;
@@ -230,7 +231,9 @@ double CurveSurrogate::log_likelihood(const VectorXd& unit, int level, double fa
   const Eigen::LLT<MatrixXd> llt(c);
   double log_det = 0.0;
   for (Index i = 0; i < c.rows(); ++i) log_det += 2.0 * std::log(llt.matrixLLT()(i, i));
-  return -0.5 * ((m - target_).dot(llt.solve(m - target_)) + log_det);
+  // The scatter is itself known from a few repeats: Student's t of so many variables in place of the normal law.
+  const double q = (m - target_).dot(llt.solve(m - target_)), p = static_cast<double>(c.rows());
+  return -0.5 * ((freedom_ + p) * std::log1p(q / freedom_) + log_det);
 }
 
 double CurveSurrogate::bed_scatter(int level, const std::string& test) const {

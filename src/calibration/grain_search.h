@@ -11,7 +11,7 @@
 //
 // How sure. The parameters' distribution given the measured curves, uniform over the ranges beforehand, is sampled by
 // Metropolis' method; the covariance holds the measured curves' scatter, enlarged where the best misfit exceeds it, and
-// what the surrogate does not know.
+// what the surrogate does not know. The scatter is known from a few repeats, hence Student's t in place of the normal law.
 #pragma once
 
 #include <Eigen/Core>
@@ -95,6 +95,7 @@ class CurveSurrogate {
   Eigen::VectorXd mean_;                 // of the curves, in the form of target_vector
   Eigen::VectorXd target_;               // measured components
   Eigen::MatrixXd covariance_;           // of the measured components
+  double freedom_ = 0.0;                 // degrees of freedom in which it is known, mean over the tests
   Eigen::Index split_ = 0;
   double rest_[2] = {0.0, 0.0};          // of the measured curves that no component reaches
   std::vector<std::vector<GaussianProcess>> processes_;  // by bed and component
