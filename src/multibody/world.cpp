@@ -691,8 +691,8 @@ void World::check_finite() const {
 }
 
 void World::step(double h) {
-  if (!(h > 0.0) || !std::isfinite(h))
-    throw InputError(Problem{{}, 0, 0, "time_step", fmt::format("is {:.6g} s", h), "a finite time above 0"});
+  if (!(h >= kShortestStep) || !std::isfinite(h))
+    throw InputError(Problem{{}, 0, 0, "time_step", fmt::format("is {:.6g} s", h), fmt::format("a finite time, at least {:g} s", kShortestStep)});
   check_finite();
   for (const auto& j : joints_) j->prepare(h);
   collisions_.begin_step(h);

@@ -29,6 +29,9 @@ namespace terrode::multibody {
 
 class World;
 
+// Of a step [s]: ODE divides by it, and ends the process where the quotient is not finite.
+inline constexpr double kShortestStep = 1e-9;
+
 struct WorldOptions {
   Vec3 gravity{0.0, 0.0, -9.81};  // m/s2
   // Constraint force mixing [s/kg, s/(kg m2)]: the velocity a constraint gives way per newton. 1e-14 keeps multipliers
@@ -332,9 +335,9 @@ class World {
   const WorldOptions& options() const { return options_; }
   void set_gravity(const Vec3& gravity);
 
-  // Advances by h [s]. Before it, every pose, velocity and external force is checked: ODE aborts the process on a
-  // not-finite number. Throws RunError naming body, time and likely remedy; also when ODE reports a failed solution or
-  // a motor has reached a limit that was not meant.
+  // Advances by h [s], at least kShortestStep. Before it, every pose, velocity and external force is checked: ODE aborts
+  // the process on a not-finite number. Throws RunError naming body, time and likely remedy; also when ODE reports a
+  // failed solution or a motor has reached a limit that was not meant.
   void step(double h);
   double time() const { return time_; }
   std::size_t steps() const { return steps_; }

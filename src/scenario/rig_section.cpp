@@ -1,4 +1,5 @@
 #include "scenario/section.h"
+#include "vehicle/rig.h"
 
 namespace terrode::scenario {
 namespace {
@@ -18,7 +19,7 @@ Table<RigSpec> rig_table() {
       .number("final_pull", "N", any_number(), &RigSpec::final_pull, "where pull_ramp ends")
       .number("travel", "m", above(0), &RigSpec::travel, "of the carriage in a run")
       .number("ramp", "s", above(0), &RigSpec::ramp, "time in which the speeds rise")
-      .number("time_step", "s", {0, 0.1, true, false}, &RigSpec::time_step, "of the multibody simulation")
+      .number("time_step", "s", from_to(multibody::kShortestStep, 0.1), &RigSpec::time_step, "of the multibody simulation")
       .number("sample_interval", "s", above(0), &RigSpec::sample_interval, "of the time series")
       .number("gravity", "m/s^2", above(0), &RigSpec::gravity, "of the place")
       .number("slope", "rad", between(-1, 1), &RigSpec::slope, "of the rail, positive where it climbs")

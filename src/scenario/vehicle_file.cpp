@@ -96,7 +96,7 @@ Table<VehicleOptions> options_table() {
   t.number("start_x", "m", any_number(), &O::start_x, "where the machine is set down")
       .number("start_y", "m", any_number(), &O::start_y, "where the machine is set down")
       .number("start_heading", "rad", any_number(), &O::start_heading, "from x towards y")
-      .number("time_step", "s", {0, 0.1, true, false}, &O::time_step, "of the machine")
+      .number("time_step", "s", from_to(multibody::kShortestStep, 0.1), &O::time_step, "of the machine")
       .number("sample_interval", "s", at_least(0), &O::sample_interval, "over which samples are means")
       .number("settle_time", "s", above(0), &O::settle_time, "in which gravity comes on")
       .number("immobile_time", "s", above(0), &O::immobile_time, "over which a machine that makes no way counts as immobilised")

@@ -44,7 +44,7 @@ Problems RigSpec::validate() const {
   require(p, "rig.carriage_mass", carriage_mass, "kg", carriage_mass > 0.0, "a mass above 0");
   require(p, "rig.gravity", gravity, "m/s^2", gravity > 0.0, "an acceleration above 0");
   require(p, "rig.slope", slope, "rad", std::abs(slope) < 1.2, "an angle within 1.2 rad");
-  require(p, "rig.time_step", time_step, "s", time_step > 0.0 && time_step <= 0.1, "a time above 0, at most 0.1 s");
+  require(p, "rig.time_step", time_step, "s", time_step >= multibody::kShortestStep && time_step <= 0.1, "a time from 1e-9 to 0.1 s");
   require(p, "rig.sample_interval", sample_interval, "s", sample_interval >= 0.0, "a time, 0 or more");
   require(p, "rig.ramp_time", ramp_time, "s", ramp_time >= 0.0, "a time, 0 or more");
   require(p, "rig.lowering_speed", lowering_speed, "m/s", lowering_speed > 0.0, "a speed above 0");

@@ -154,7 +154,7 @@ Problems VehicleSpec::validate() const {
 
 Problems VehicleOptions::validate() const {
   Problems p;
-  require(p, "options.time_step", time_step, "s", time_step > 0.0 && time_step <= 0.1, "above 0, at most 0.1 s");
+  require(p, "options.time_step", time_step, "s", time_step >= multibody::kShortestStep && time_step <= 0.1, "from 1e-9 to 0.1 s");
   require(p, "options.sample_interval", sample_interval, "s", sample_interval >= 0.0, "0 or more");
   require(p, "options.settle_time", settle_time, "s", settle_time > 0.0, "above 0");
   if (!gravity.allFinite() || !(gravity.z() < 0.0))

@@ -164,6 +164,7 @@ TEST(World, NotFiniteInputIsNamedBeforeTheSolverSeesIt) {
   EXPECT_THROW(wheel.set_twist({Vec3(inf, 0, 0), Vec3::Zero()}), InputError);
   EXPECT_THROW(wheel.set_pose({Vec3(0, std::nan(""), 0), Quat::Identity()}), InputError);
   EXPECT_THROW(world.step(0.0), InputError);
+  EXPECT_THROW(world.step(5e-324), InputError);  // whose inverse is infinite
   EXPECT_THROW(world.step(std::nan("")), InputError);
 }
 

@@ -104,9 +104,9 @@ TEST(Reader, RefusesBombs) {
   }
   EXPECT_THAT(problem_when_read(laughs), HasSubstr("more than 200000 values"));
   EXPECT_THAT(problem_when_read("a: &x [*x]\n"), HasSubstr("contains it"));
-  ReadLimits small;
-  small.bytes = 10;
-  EXPECT_THAT(problem_when_read("a: 123456789\n", small), HasSubstr("larger than 10 bytes"));
+  ReadLimits few_bytes;
+  few_bytes.bytes = 10;
+  EXPECT_THAT(problem_when_read("a: 123456789\n", few_bytes), HasSubstr("larger than 10 bytes"));
 }
 
 TEST(Reader, FilesThatCannotBeReadSayWhy) {
