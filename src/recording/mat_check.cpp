@@ -190,12 +190,13 @@ class Walk {
     return out;
   }
 
-  // How many elements a variable says it has.
-  std::uint64_t dimensions(Source& from, std::uint64_t& left) const {
+  // How many elements a variable says it has; of one that is passed over (a sparse matrix may be of any size) any number.
+  std::uint64_t dimensions(Source& from, std::uint64_t& left, bool passed_over) const {
     const Tag shape = read_tag(from, left);
     if (shape.in_tag || shape.type != kInt32 || shape.bytes % 4 != 0 || shape.bytes < 8 || shape.bytes > 4 * 13)
       budget_.refuse("a variable without dimensions", "2 to 13 of them");
     const std::vector<char> dims = read(from, shape, left);
+    if (passed_over) return 0;
     std::uint64_t count = 1;
     bool empty = false;
     for (std::size_t i = 0; i < dims.size(); i += 4) {
@@ -223,7 +224,7 @@ class Walk {
       if (kind == kOpaque && flags.type != kUInt32) budget_.refuse("a variable without its kind");  // the library would look for dimensions
       if (kind == kFunction && !packed) budget_.refuse("a function, not packed");
     }
-    const std::uint64_t count = kind == kOpaque ? 0 : dimensions(from, left);
+    const std::uint64_t count = kind == kOpaque ? 0 : dimensions(from, left, !known);
 
     const Tag name = read_tag(from, left);
     if (name.type != kInt8 || name.bytes > kMaxName) budget_.refuse("a variable without a name");
