@@ -63,7 +63,7 @@ class Browser : public testing::Test {
     const std::string dom = output_of(
         chromium() + " --headless --no-sandbox --disable-quic --no-first-run --disable-background-networking --disable-component-update --disable-sync" +
         (software_gl ? " --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader" : " --disable-gpu") +
-        " --enable-logging=stderr --virtual-time-budget=6000 --user-data-dir=" + profile.string() + " --hide-scrollbars --window-size=" +
+        " --enable-logging=stderr --virtual-time-budget=20000 --user-data-dir=" + profile.string() + " --hide-scrollbars --window-size=" +
         std::to_string(std::max(width, 500)) + ",900 --dump-dom file://" + file.string() + " 2>" + errors.string());
     std::ifstream in(errors);
     console_.clear();
