@@ -105,7 +105,7 @@ MassProperties MassProperties::sphere(double mass, double radius) {
 
 Problems MassProperties::validate(const std::string& key) const {
   Problems p;
-  require(p, key + ".mass", mass, "kg", mass > 0.0 && mass < largest_number, "a mass above 0");
+  require(p, key + ".mass", mass, "kg", mass >= kLightest && mass < largest_number, fmt::format("a mass of {:g} kg or more", kLightest));
   const double scale = inertia_B.cwiseAbs().maxCoeff();
   if (!inertia_B.allFinite() || !(scale > 0.0) || scale >= largest_number) {
     p.push_back({{}, 0, 0, key + ".inertia", "is not finite or zero", "moments of inertia above 0"});

@@ -31,6 +31,8 @@ class World;
 
 // Of a step [s]: ODE divides by it, and ends the process where the quotient is not finite.
 inline constexpr double kShortestStep = 1e-9;
+// Of a body [kg]: likewise.
+inline constexpr double kLightest = 1e-9;
 
 struct WorldOptions {
   Vec3 gravity{0.0, 0.0, -9.81};  // m/s2

@@ -35,10 +35,13 @@ bool pulled(RigMode m) { return m == RigMode::force_controlled || m == RigMode::
 
 }  // namespace
 
+// Less is carried by no wheel that a rig could hold, and its weight would be too light a body for ODE.
+constexpr double kSmallestLoad = 1e-6;  // N
+
 Problems RigSpec::validate() const {
   Problems p;
-  require(p, "rig.wheel_mass", wheel_mass, "kg", wheel_mass > 0.0, "a mass above 0");
-  require(p, "rig.normal_load", normal_load, "N", normal_load > 0.0, "a load above 0");
+  require(p, "rig.wheel_mass", wheel_mass, "kg", wheel_mass >= multibody::kLightest, "a mass of 1e-9 kg or more");
+  require(p, "rig.normal_load", normal_load, "N", normal_load >= kSmallestLoad, "a load of 1e-6 N or more");
   if (lifted_mass)
     require(p, "rig.lifted_mass", *lifted_mass, "kg", *lifted_mass > wheel_mass, "more than the wheel's mass");
   require(p, "rig.carriage_mass", carriage_mass, "kg", carriage_mass > 0.0, "a mass above 0");

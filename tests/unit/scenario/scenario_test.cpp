@@ -2,6 +2,7 @@
 #include "scenario/scenario.h"
 
 #include "scenario/dem_file.h"
+#include "scenario/methods.h"
 #include "scenario/vehicle_file.h"
 
 #include <gmock/gmock.h>
@@ -167,6 +168,16 @@ TEST(Schema, NamesEveryKeyThatTheReaderKnows) {
   EXPECT_TRUE(schema["properties"]["rig"]["properties"].contains("normal_load"));
   EXPECT_EQ(schema["properties"]["wheel"]["anyOf"][1]["required"], (nlohmann::json{"radius", "width"}));
   EXPECT_TRUE(schema["properties"]["soil"]["anyOf"][1]["properties"]["bekker"]["properties"].contains("kphi"));
+}
+
+// What the rigid-body solver would divide by until its numbers overflow.
+TEST(Scenarios, LoadsAndStepsTooSmallForAnyRigAreRefused) {
+  const std::string soil =
+      "wheel: {radius: 100 mm, width: 50 mm}\n"
+      "soil: {bekker: {cohesion: 0, friction_angle: 30 deg, shear_modulus: 10 mm, n: 1, k: 10 kPa, plate_width: 50 mm}}\n";
+  EXPECT_THROW(parse_scenario(soil + "rig: {normal_load: 20 N, time_step: 5e-324}\n", "a.yaml"), InputError);
+  const Scenario s = parse_scenario(soil + "rig: {normal_load: 1e-300, travel: 1 mm}\n", "a.yaml");
+  EXPECT_THROW(make_method("node-spring", s).run(condition_of(s.operating_points({0.2}).front(), s.wheel.radius), {}), InputError);
 }
 
 TEST(Scenarios, ThoseOfTheRepositoryAreRead) {
