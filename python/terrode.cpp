@@ -185,11 +185,13 @@ py::dict diagnosis_dict(const diagnosis::Diagnosis& d) {
                   py::arg("next_experiments") = experiments, py::arg("remarks") = d.remarks);
 }
 
-py::dict diagnose(const recording::Recording& recording, unsigned long seed, int threads, const std::vector<std::string>& without) {
+py::dict diagnose(const recording::Recording& recording, const recording::Recording* reference, unsigned long seed, int threads,
+                  const std::vector<std::string>& without) {
   diagnosis::Options options;
   options.seed = seed;
   options.threads = threads;
   options.without = without;
+  options.reference = reference;
   options.progress = python_progress();
   diagnosis::Diagnosis d;
   try {
@@ -277,6 +279,7 @@ PYBIND11_MODULE(terrode, m) {
       });
   m.def("load_recording", &scenario::load_recording, "Reads a recording: its folder or its recording.yaml. Raises InputError with every problem.",
         py::arg("path"), py::arg("threads") = 0, py::call_guard<py::gil_scoped_release>());
-  m.def("diagnose", &diagnose, "What the recording says that the steady wheel does not: a dict with the keys of diagnosis.json.",
-        py::arg("recording"), py::kw_only(), py::arg("seed") = 1, py::arg("threads") = 0, py::arg("without") = std::vector<std::string>{});
+  m.def("diagnose", &diagnose,
+        "What the recording says that the steady wheel does not, or a reference of the same soil and conditions: a dict with the keys of diagnosis.json.",
+        py::arg("recording"), py::kw_only(), py::arg("reference") = nullptr, py::arg("seed") = 1, py::arg("threads") = 0, py::arg("without") = std::vector<std::string>{});
 }

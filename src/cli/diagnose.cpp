@@ -22,7 +22,7 @@ using diagnosis::Diagnosis;
 using diagnosis::kChannels;
 
 struct DiagnoseArguments {
-  std::string recording, scenario, folder;
+  std::string recording, reference, scenario, folder;
   std::vector<std::string> without;
   bool no_replay = false;
 };
@@ -331,13 +331,14 @@ report::Page page_of(const Diagnosis& d, const ReplayResult& replayed, const std
   return page;
 }
 
-recording::Recording load(const DiagnoseArguments& a, int threads) {
+// A recording, or a scenario with measured points as one; wheel and believed soil from `other` where a name is given.
+recording::Recording load(const std::string& file, const std::string& other, int threads) {
   recording::Recording r;
-  if (scenario::is_recording(a.recording)) {
-    r = scenario::load_recording(a.recording, threads);
+  if (scenario::is_recording(file)) {
+    r = scenario::load_recording(file, threads);
   } else {
-    const scenario::Scenario s = scenario::load_scenario(a.recording, threads);
-    if (!s.measured) throw InputError(Problem{a.recording, 0, 0, "measured", "is missing: there is nothing to diagnose", "a recording, or a scenario with measured points"});
+    const scenario::Scenario s = scenario::load_scenario(file, threads);
+    if (!s.measured) throw InputError(Problem{file, 0, 0, "measured", "is missing: there is nothing to diagnose", "a recording, or a scenario with measured points"});
     r = *s.measured;
     r.wheel.radius = s.wheel.radius;
     r.wheel.width = s.wheel.width;
@@ -348,8 +349,8 @@ recording::Recording load(const DiagnoseArguments& a, int threads) {
     }
     if (r.title.empty()) r.title = s.title;
   }
-  if (!a.scenario.empty()) {
-    const scenario::Scenario s = scenario::load_scenario(a.scenario, threads);
+  if (!other.empty()) {
+    const scenario::Scenario s = scenario::load_scenario(other, threads);
     r.wheel.radius = s.wheel.radius;
     r.wheel.width = s.wheel.width;
     r.soil = s.soil;
@@ -358,7 +359,9 @@ recording::Recording load(const DiagnoseArguments& a, int threads) {
 }
 
 void diagnose_command(const DiagnoseArguments& a, Common& common) {
-  const recording::Recording recording = load(a, common.threads);
+  const recording::Recording recording = load(a.recording, a.scenario, common.threads);
+  std::optional<recording::Recording> reference;
+  if (!a.reference.empty()) reference = load(a.reference, a.scenario, common.threads);
   std::error_code error;
   fs::create_directories(a.folder, error);
   if (error || !fs::is_directory(a.folder)) throw RunError(fmt::format("{}: cannot make this folder: {}", a.folder, error.message()));
@@ -368,6 +371,7 @@ void diagnose_command(const DiagnoseArguments& a, Common& common) {
   options.seed = common.seed;
   options.threads = common.threads;
   options.without = a.without;
+  if (reference) options.reference = &*reference;
   Diagnosis d;
   {
     options.progress = show_progress(common);
@@ -406,6 +410,7 @@ void add_diagnose(Command& app, Common& common) {
   Command* command = app.add_subcommand("diagnose", "where simulation and recording part, what physics was left out, and what modelling it gains");
   command->add_option("RECORDING", a->recording, "a recording (folder or recording.yaml), or a scenario with measured points")->required();
   command->add_option("--scenario", a->scenario, "wheel and believed soil from this scenario instead");
+  command->add_option("--reference", a->reference, "a recording of the same soil and conditions whose bed, wheel and rig are known: what differs from it is looked for");
   command->add_option("-o,--output", a->folder, "folder for diagnosis.json, report.html and corrected.yaml")->required();
   command->add_option("--without", a->without, "effects that are not to be considered")->delimiter(',');
   command->add_flag("--no-replay", a->no_replay, "leave out the simulation in time of the block that was held out (half of the time)");

@@ -104,6 +104,23 @@ const char* channel_unit(int c) {
   return units[c];
 }
 
+bool same_condition(const Condition& a, const Condition& b) {
+  const bool same_slip = (std::isinf(a.slip) && std::isinf(b.slip)) || std::abs(a.slip - b.slip) < 1e-6;
+  return same_slip && a.pass == b.pass && std::abs(b.normal_load - a.normal_load) <= 0.02 * b.normal_load &&
+         std::abs(b.angular_velocity - a.angular_velocity) <= 1e-3 * std::max(b.angular_velocity, 1e-9);
+}
+
+std::array<double, 2> settled_means(const RunData& run, const std::array<std::vector<double>, kChannels>& predicted, std::size_t ch) {
+  double o = 0, p = 0, n = 0;
+  for (std::size_t b = 0; b < run.bins.size(); ++b) {
+    if (!run.steady && run.bins[b].time < 0.3 * run.bins.back().time) continue;
+    o += run.bins[b].samples * run.mean[ch][b];
+    p += run.bins[b].samples * predicted[ch][b];
+    n += run.bins[b].samples;
+  }
+  return {o / n, p / n};
+}
+
 Campaign reduce(const recording::Recording& r) {
   Campaign out;
   out.title = r.title.empty() ? r.folder : r.title;
@@ -203,15 +220,9 @@ Campaign reduce(const recording::Recording& r) {
       ++no_channel;
       continue;
     }
-    // Loads measured run by run differ a little: the same within 2 % is the same condition.
     int index = -1;
-    for (std::size_t i = 0; i < out.conditions.size() && index < 0; ++i) {
-      const Condition& o = out.conditions[i];
-      const bool same_slip = (std::isinf(c.slip) && std::isinf(o.slip)) || std::abs(c.slip - o.slip) < 1e-6;
-      if (same_slip && o.pass == c.pass && std::abs(o.normal_load - c.normal_load) <= 0.02 * o.normal_load &&
-          std::abs(o.angular_velocity - c.angular_velocity) <= 1e-3 * std::max(o.angular_velocity, 1e-9))
-        index = static_cast<int>(i);
-    }
+    for (std::size_t i = 0; i < out.conditions.size() && index < 0; ++i)
+      if (same_condition(c, out.conditions[i])) index = static_cast<int>(i);
     if (index < 0) {
       index = static_cast<int>(out.conditions.size());
       out.conditions.push_back(c);

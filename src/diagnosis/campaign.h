@@ -27,6 +27,10 @@ struct Condition {
   bool operator==(const Condition&) const = default;
 };
 
+// One asked of the rig twice: slips and passes the same, loads within 2 %, for loads measured run by run differ a little, speeds
+// within a thousandth.
+bool same_condition(const Condition& a, const Condition& b);
+
 // Mean of a stretch of a run. A row of a table of steady values is one bin with steady = true.
 struct Bin {
   double time = 0.0;   // middle, s
@@ -46,6 +50,10 @@ struct RunData {
   std::vector<double> time;
   std::array<std::vector<double>, kChannels> series;
 };
+
+// Means of a settled run, recorded and predicted: of a series without its first 0.3, by samples. `predicted` as Model::predict
+// gives it.
+std::array<double, 2> settled_means(const RunData& run, const std::array<std::vector<double>, kChannels>& predicted, std::size_t channel);
 
 struct Curve {
   bool shear = false;        // else pressure against sinkage

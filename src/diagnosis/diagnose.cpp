@@ -12,6 +12,7 @@
 #include "core/linear_algebra.h"
 #include "core/parallel.h"
 #include "core/random.h"
+#include "diagnosis/reference.h"
 
 namespace terrode::diagnosis {
 namespace {
@@ -218,18 +219,6 @@ double overdispersion(const Fit& f) {
   return std::max(1.0, f.chi2 / std::max(1, f.data - f.acting));
 }
 
-// Means of a settled run, recorded and predicted.
-std::array<double, 2> run_means(const RunData& run, const std::array<std::vector<double>, kChannels>& predicted, std::size_t ch) {
-  double o = 0, p = 0, n = 0;
-  for (std::size_t b = 0; b < run.bins.size(); ++b) {
-    if (!run.steady && run.bins[b].time < 0.3 * run.bins.back().time) continue;
-    o += run.bins[b].samples * run.mean[ch][b];
-    p += run.bins[b].samples * predicted[ch][b];
-    n += run.bins[b].samples;
-  }
-  return {o / n, p / n};
-}
-
 // Blocks that are held out whole: loads, speeds and passes away from the commonest, and stretches of slip.
 std::vector<std::pair<std::string, std::vector<char>>> blocks_of(const Campaign& c) {
   std::map<double, int> loads, speeds;
@@ -291,7 +280,7 @@ std::string strength_text(const std::map<std::string, Estimate>& parameters) {
 class Diagnoser {
  public:
   Diagnoser(const recording::Recording& recording, const Options& options)
-      : recording_(recording), options_(options), campaign_(reduce(recording)), model_(campaign_) {}
+      : recording_(recording), options_(options), relative_(campaign_of(recording, options)), campaign_(relative_.campaign), model_(campaign_) {}
 
   Diagnosis run() {
     out_.title = campaign_.title;
@@ -301,13 +290,19 @@ class Diagnoser {
     out_.conditions = campaign_.conditions;
     step(0.02, "noise and plain fit");
     quality_gate();
-    plain_fit();
+    plain_.fit = fit_plain(model_, options_.threads);
+    note_belief();
     step(0.12, "ripples");
     ripples_ = find_ripples(campaign_, std::exp(plain_.fit.base(kLnRunIn)));
+    // What the reference shows as strongly is not what sets the two apart.
+    std::erase_if(ripples_.lines, [&](const RippleLine& l) {
+      return std::any_of(relative_.known_lines.begin(), relative_.known_lines.end(), [&](const RippleLine& k) { return same_line(l, k) && l.relative < 2.0 * k.relative; });
+    });
     for (const RippleLine& l : ripples_.lines)
       if (l.lock == Lock::wheel && l.order == 1 && l.channel_score[2] > 50) {
         model_.allow_eccentricity(l.amplitude[2], plain_.fit.base);
-        refit_plain(plain_.fit.base);
+        plain_.fit = model_.fit({}, plain_.fit.base);
+        note_belief();
       }
     step(0.15, "every effect by itself");
     try_singles();
@@ -321,6 +316,12 @@ class Diagnoser {
   }
 
  private:
+  static Relative campaign_of(const recording::Recording& recording, const Options& options) {
+    if (!options.reference) return {reduce(recording), {}};
+    options.progress.report(0.0, "reference");
+    return relative_to(reduce(recording), reduce(*options.reference), options.threads);
+  }
+
   void step(double fraction, const std::string& what) {
     options_.progress.report(fraction, what);
     if (options_.progress.stop_requested()) throw Interrupted("diagnose: stopped; nothing was written");
@@ -383,38 +384,10 @@ class Diagnoser {
     }
   }
 
-  void plain_fit() {
-    const Eigen::VectorXd believed = model_.base_of(campaign_.believed, campaign_.believed_angles);
-    const Hypothesis none;
-    model_.estimate_noise(believed);
-    Fit best;
-    best.chi2 = std::numeric_limits<double>::infinity();
-    // Other starts where the belief is a guess or far off.
-    std::vector<Eigen::VectorXd> starts = {believed};
-    for (const double ln_k : {-1.0, 1.0})
-      for (const double ln_shear : {0.0, 1.5}) {
-        Eigen::VectorXd b = believed;
-        b(kLnK) += ln_k;
-        b(kLnShear) += ln_shear;
-        b(kA0) = 0.2;
-        b(kA1) = 0.4;
-        starts.push_back(b);
-      }
-    std::vector<Fit> fits(starts.size());
-    parallel_for(starts.size(), options_.threads, [&](std::size_t i) { fits[i] = model_.fit(none, starts[i]); });
-    for (const Fit& f : fits)
-      if (!std::isfinite(best.chi2) || cost(f) < cost(best) - 1e-6) best = f;
-    if (!std::isfinite(best.chi2))
-      throw RunError("diagnose: the plain model has no solution near the believed soil; check loads, wheel and soil");
-    model_.estimate_noise(best.base);
-    refit_plain(best.base);
-  }
-
-  // The plain model with its parameters free, and at what the laboratory believes.
-  void refit_plain(const Eigen::VectorXd& start) {
+  // The plain model at what the laboratory believes.
+  void note_belief() {
     const Hypothesis none;
     const Eigen::VectorXd believed = model_.base_of(campaign_.believed, campaign_.believed_angles);
-    plain_ = {none, model_.fit(none, start)};
     std::vector<bool> fixed(kBaseCount, false);
     for (int i = 0; i <= kA1; ++i) fixed[static_cast<std::size_t>(i)] = true;
     believed_ = {none, model_.fit(none, believed, fixed)};
@@ -691,7 +664,7 @@ class Diagnoser {
       double left = 0, scatter = 0;
       for (std::size_t r = 0; r < campaign_.runs.size(); ++r) {
         if (!campaign_.runs[r].has[ch]) continue;
-        const auto m = run_means(campaign_.runs[r], predicted[r], ch);
+        const auto m = settled_means(campaign_.runs[r], predicted[r], ch);
         left += std::pow(m[0] - m[1], 2);
         scatter += std::pow(model_.run_mean_deviation(static_cast<int>(r), static_cast<int>(ch)), 2);
       }
@@ -733,7 +706,7 @@ class Diagnoser {
       for (std::size_t r = 0; r < use.size(); ++r)
         for (std::size_t ch = 0; ch < kChannels; ++ch)
           if (held[r] && campaign_.runs[r].has[ch]) {
-            const auto m = run_means(campaign_.runs[r], p[r], ch);
+            const auto m = settled_means(campaign_.runs[r], p[r], ch);
             out.squares[ch] += std::pow(m[0] - m[1], 2);
             ++out.count[ch];
           }
@@ -914,7 +887,7 @@ class Diagnoser {
         int n = 0;
         for (std::size_t r = 0; r < campaign_.runs.size(); ++r)
           if (campaign_.runs[r].has[ch]) {
-            s += std::pow(run_means(campaign_.runs[r], on[r], ch)[1] - run_means(campaign_.runs[r], off[r], ch)[1], 2);
+            s += std::pow(settled_means(campaign_.runs[r], on[r], ch)[1] - settled_means(campaign_.runs[r], off[r], ch)[1], 2);
             ++n;
           }
         out[ch] = n ? std::sqrt(s / n) : 0;
@@ -980,7 +953,7 @@ class Diagnoser {
       out_.verdict = instrument ? "instrument" : "missing_physics";
       std::string what;
       for (const Finding& f : found) what += (what.empty() ? "" : " and ") + plural(f.ids);
-      out_.statement = fmt::format("The recording shows {}, which the plain model lacks{}. {}", what, instrument ? "; it is the rig or a sensor, not the soil" : "", found.front().statement);
+      out_.statement = fmt::format("The recording shows {}, which the {} lacks{}. {}", what, options_.reference ? "reference" : "plain model", instrument ? "; it is the rig or a sensor, not the soil" : "", found.front().statement);
     } else if (!wide.empty()) {
       out_.verdict = "undecided";
       out_.statement = fmt::format("Something is off, but these data cannot single out a cause; the likeliest are {}.", plural(wide.front().ids));
@@ -993,14 +966,18 @@ class Diagnoser {
                                    channel_name(static_cast<int>(worst - left.begin())));
     } else if (belief_fails) {
       out_.verdict = "parameters";
-      out_.statement = "The plain model explains the recording within its scatter once its soil parameters are corrected: " + worst_parameters() + ".";
+      out_.statement = (options_.reference ? "The soil differs from the reference's, and nothing else beyond scatter: "
+                                           : "The plain model explains the recording within its scatter once its soil parameters are corrected: ") +
+                       worst_parameters() + ".";
     } else if (!enough && campaign_.conditions.size() < 2) {
       out_.verdict = "undecided";
       out_.statement = "One condition cannot tell the soil's parameters from any cause.";
       out_.next_experiments.push_back({"at least eight slips from -0.3 to 0.7, three loads, two speeds and two repeats of each", {}});
     } else {
       out_.verdict = "no_mismatch";
-      out_.statement = fmt::format("The model with the believed parameters explains the recording within its own scatter (false alarms at most {:.0f} % over all effects).",
+      out_.statement = fmt::format("{} (false alarms at most {:.0f} % over all effects).",
+                                   options_.reference ? "Nothing sets the recording apart from the reference beyond the scatter of both"
+                                                      : "The model with the believed parameters explains the recording within its own scatter",
                                    100 * out_.false_alarm_rate);
     }
     if (named) {
@@ -1220,7 +1197,7 @@ class Diagnoser {
         for (std::size_t r = 0; r < campaign_.runs.size(); ++r) {
           const RunData& run = campaign_.runs[r];
           if (!run.has[ch] || !s.in(campaign_.conditions[static_cast<std::size_t>(run.condition)])) continue;
-          const auto m = run_means(run, before[r], ch);
+          const auto m = settled_means(run, before[r], ch);
           const double d = std::max(1e-12, model_.run_mean_deviation(static_cast<int>(r), static_cast<int>(ch)));
           sum += (m[0] - m[1]) / (d * d);
           weight += 1 / (d * d);
@@ -1299,7 +1276,7 @@ class Diagnoser {
       c.has = run.has;
       for (std::size_t ch = 0; ch < kChannels; ++ch) {
         if (!run.has[ch]) continue;
-        const auto b = run_means(run, before[r], ch), a = run_means(run, after[r], ch);
+        const auto b = settled_means(run, before[r], ch), a = settled_means(run, after[r], ch);
         c.observed[ch] = b[0];
         c.before[ch] = b[1];
         c.after[ch] = a[1];
@@ -1468,7 +1445,8 @@ class Diagnoser {
 
   const recording::Recording& recording_;
   const Options& options_;
-  Campaign campaign_;
+  Relative relative_;
+  const Campaign& campaign_;
   Model model_;
   Diagnosis out_;
   Tried plain_, believed_, best_, after_;

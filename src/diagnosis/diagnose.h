@@ -19,6 +19,8 @@ struct Options {
   int threads = 0;
   // Effects that are not to be considered: what the tool says when the cause is not in its list.
   std::vector<std::string> without;
+  // Of the same soil and conditions, its bed, wheel and rig known: what is looked for is what differs from it (diagnosis/reference.h).
+  const recording::Recording* reference = nullptr;
   Progress progress;
 };
 

@@ -760,6 +760,12 @@ std::vector<std::array<std::vector<double>, kChannels>> Model::predict(const Hyp
   return std::move(v.runs);
 }
 
+std::vector<std::vector<double>> Model::predict_curves(const Hypothesis& h, const Fit& fit) const {
+  Vector v = evaluate(h, fit.parameters, joined(fit), {});
+  if (!v.ok) throw RunError("diagnose: the fitted model has no solution at a condition of the recording");
+  return std::move(v.curves);
+}
+
 double Model::run_mean_deviation(int run, int channel) const {
   const RunData& data = campaign_->runs[static_cast<std::size_t>(run)];
   const Eigen::MatrixXd& l = run_factor_[static_cast<std::size_t>(run)];

@@ -110,6 +110,9 @@ class Model {
   // Predicted means of each bin of each run and channel, unwhitened: [run][channel][bin].
   std::vector<std::array<std::vector<double>, kChannels>> predict(const Hypothesis& hypothesis, const Fit& fit) const;
 
+  // Predicted pressures and shear stresses of the campaign's curves, at their x [Pa].
+  std::vector<std::vector<double>> predict_curves(const Hypothesis& hypothesis, const Fit& fit) const;
+
   // The effects of a fit, parameters in SI, by id (choices included).
   std::map<std::string, std::map<std::string, double>> effects_of(const Hypothesis& hypothesis, const Fit& fit) const;
 

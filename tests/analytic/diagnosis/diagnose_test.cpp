@@ -197,6 +197,42 @@ TEST(Diagnose, CorrectsABelievedParameterWithoutNamingPhysics) {
   EXPECT_TRUE(d.effects.empty());
 }
 
+// Two beds of one soil, for which the model lacks a drag that no effect describes: seen alone the second is not understood,
+// beside the first what sets it apart is named, and nothing where nothing does.
+TEST(Diagnose, BesideAKnownCampaignNamesWhatDiffers) {
+  const auto drag = [](const Condition& q, double* y) { y[0] -= 12 * std::sin(6 * q.slip) * std::sin(6 * q.slip) - 4; };
+  Truth known;
+  known.change = drag;
+  const recording::Recording reference = campaign(known);
+  EXPECT_NE(diagnose(reference).verdict, "no_mismatch");
+  Options options;
+  options.reference = &reference;
+  Truth again = known;
+  again.seed = 7;
+  const Diagnosis same = diagnose(campaign(again), options);
+  EXPECT_EQ(same.verdict, "no_mismatch") << same.statement;
+  Truth other = again;
+  other.effects = on({{"slip_sinkage", {{"n1", 0.4}}}});
+  const Diagnosis d = diagnose(campaign(other), options);
+  EXPECT_EQ(d.verdict, "missing_physics") << d.statement;
+  ASSERT_EQ(d.effects.size(), 1u);
+  EXPECT_EQ(d.effects[0].ids.front(), "slip_sinkage");
+}
+
+TEST(Diagnose, ConditionsTheReferenceLacksAreLeftOutAndSaid) {
+  const recording::Recording reference = campaign(Truth());
+  recording::Recording other = campaign(Truth());
+  for (recording::Run& run : other.runs)
+    if (run.condition.slip > 0.65) run.condition.slip = 0.75;
+  Options options;
+  options.reference = &reference;
+  const Diagnosis d = diagnose(other, options);
+  EXPECT_EQ(d.runs.size(), reference.runs.size() - 2);
+  EXPECT_TRUE(std::any_of(d.remarks.begin(), d.remarks.end(), [](const std::string& r) { return r.find("2 runs at conditions") != std::string::npos; }));
+  for (recording::Run& run : other.runs) run.condition.normal_load = 300;
+  EXPECT_THROW(diagnose(other, options), InputError);
+}
+
 TEST(Diagnose, CallsUnknownWhatNoEffectExplains) {
   Truth truth;
   truth.change = [](const Condition& q, double* y) { y[0] -= 8 * std::tanh(std::abs(q.slip) / 0.1) * std::pow(q.normal_load / 115, 2); };

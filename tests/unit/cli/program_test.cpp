@@ -329,6 +329,17 @@ TEST_F(Program, ReportAndFigureAreWritten) {
   EXPECT_TRUE(fs::exists(file("f_torque.svg")));
 }
 
+TEST_F(Program, DiagnosesBesideAReference) {
+  const std::string ding = TERRODE_SOURCE_DIR "/recordings/ding2011", pavlov = TERRODE_SOURCE_DIR "/recordings/pavlov2022";
+  const Outcome same = run({"diagnose", ding, "--reference", ding, "-o", file("d").string(), "--no-replay", "--json", "--quiet"});
+  ASSERT_EQ(same.status, 0) << same.err;
+  EXPECT_EQ(json::parse(same.out)["verdict"], "no_mismatch");
+  const Outcome other = run({"diagnose", ding, "--reference", pavlov, "-o", file("d").string(), "--no-replay", "--quiet"});
+  EXPECT_EQ(other.status, 2);
+  EXPECT_THAT(other.err, HasSubstr("--reference"));
+  EXPECT_THAT(other.err, HasSubstr("shares no condition"));
+}
+
 TEST_F(Program, RunsSoilTestsOnParticlesAndGoesOnWithThem) {
   ::setenv("TERRODE_CACHE", file("cache").c_str(), 1);
   const fs::path tests = write("tests.yaml", R"(particle_tests:
