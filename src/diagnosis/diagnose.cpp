@@ -43,6 +43,8 @@ constexpr double kTemperature = 1.5;
 // Root mean square misfit of runs' means over their scatter that sound explanations stay below, and the square of what
 // they reach by chance.
 constexpr double kPoorFit = 1.45, kScatterOfFit = 1.7;
+// What they reach where two or three repeats show half of the scatter.
+constexpr double kPoorByChance = 1.8;
 // Independent looks at that share which one channel gives.
 constexpr double kLooks = 8.0;
 
@@ -688,6 +690,13 @@ class Diagnoser {
     return poor && all_after > 0.0625 * all_before;
   }
 
+  // The channel of which most is left, over its scatter.
+  std::pair<double, int> worst_lack(const Tried& t) const {
+    const auto left = lack_of_fit(t);
+    const auto worst = std::max_element(left.begin(), left.end());
+    return {*worst, static_cast<int>(worst - left.begin())};
+  }
+
   // How a model that was fitted without a block predicts the means of that block's runs.
   struct Fold {
     bool solved = false;
@@ -960,10 +969,8 @@ class Diagnoser {
       experiments(wide);
     } else if (enough && leaves_much(plain_)) {
       out_.verdict = "undecided";
-      const auto left = lack_of_fit(plain_);
-      const auto worst = std::max_element(left.begin(), left.end());
-      out_.statement = fmt::format("Something is off, but no listed effect stands out: the plain model leaves {:.2g} times the scatter of the runs in {}.", *worst,
-                                   channel_name(static_cast<int>(worst - left.begin())));
+      const auto [left, channel] = worst_lack(plain_);
+      out_.statement = fmt::format("Something is off, but no listed effect stands out: the plain model leaves {:.2g} times the scatter of the runs in {}.", left, channel_name(channel));
     } else if (belief_fails) {
       out_.verdict = "parameters";
       out_.statement = (options_.reference ? "The soil differs from the reference's, and nothing else beyond scatter: "
@@ -1036,8 +1043,15 @@ class Diagnoser {
     const Tried* more = nullptr;
     for (const Tried& t : on_top)
       if (std::isfinite(t.fit.chi2) && (!more || cost(t.fit) < cost(more->fit))) more = &t;
-    if (!alone && !poor) return false;
-    if (!alone && !more) return false;
+    // Few repeats can take the scatter too small by so much; what a term takes up then counts in that scatter.
+    const auto [left, channel] = worst_lack(best_);
+    if (more && left < kPoorByChance && cost(best_.fit) - cost(more->fit) < out_.gate * std::max(left * left, overdispersion(more->fit))) more = nullptr;
+    if (!alone && !more) {
+      if (poor)
+        out_.remarks.push_back(fmt::format("{} leaves {:.2g} times the scatter of the runs in {}, where no shape over slip and load helps: the scatter may be larger than the repeats show",
+                                           best_.hypothesis.label(), left, channel_name(channel)));
+      return false;
+    }
     const Tried& t = alone ? singles_[top] : *more;
     const int ch = t.hypothesis.free_channel;
     free_form_ = fmt::format("{} changes by {:.3g} {} x {} x (normal_load/{:.4g} N)^{}{}", channel_name(ch), t.fit.extra.back(), channel_unit(ch),

@@ -241,6 +241,19 @@ TEST(Diagnose, CallsUnknownWhatNoEffectExplains) {
   EXPECT_NE(d.unexplained_form.find("drawbar_pull"), std::string::npos);
 }
 
+// Repeats on one bed hide the scatter between beds: a rim that soil slides on keeps its name although the runs scatter half as much
+// again as the repeats show, and the page says so.
+TEST(Diagnose, ScatterThatRepeatsHideTakesNoName) {
+  Truth truth;
+  truth.effects = on({{"interface_friction", {{"delta", 0.54}, {"adhesion", 0}}}});
+  truth.change = [](const Condition& q, double* y) { y[1] += 0.085 * std::sin(91 * q.slip + 7 * q.normal_load + 13 * q.angular_velocity); };
+  const Diagnosis d = diagnose(campaign(truth));
+  EXPECT_EQ(d.verdict, "missing_physics") << d.statement;
+  ASSERT_EQ(d.effects.size(), 1u);
+  EXPECT_EQ(d.effects[0].ids.front(), "interface_friction");
+  EXPECT_TRUE(std::any_of(d.remarks.begin(), d.remarks.end(), [](const std::string& r) { return r.find("larger than the repeats show") != std::string::npos; }));
+}
+
 // A table whose rows say how well they are known, with pulls that no law of slip and load follows.
 TEST(Diagnose, MeansThatNothingFitsAreNotCalledSound) {
   recording::Recording table = campaign({});
