@@ -732,7 +732,8 @@ static Eigen::VectorXd joined(const Fit& fit) {
 }
 
 Eigen::VectorXd Model::residuals(const Hypothesis& h, const Fit& fit, const std::vector<char>& use) const {
-  return whiten(evaluate(h, fit.parameters, joined(fit), use), use);
+  const Vector v = evaluate(h, fit.parameters, joined(fit), use);
+  return v.ok ? whiten(v, use) : Eigen::VectorXd();
 }
 
 Eigen::MatrixXd Model::jacobian(const Hypothesis& h, const Fit& fit, const std::vector<char>& use) const {

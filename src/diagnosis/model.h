@@ -103,7 +103,8 @@ class Model {
   Fit fit(const Hypothesis& hypothesis, const Eigen::VectorXd& start, const std::vector<bool>& fixed = {},
           const std::vector<char>& use = {}, int iterations = 25) const;
 
-  // Whitened residuals at a fit: those of `use` runs and of curves. With a Jacobian for base and extra.
+  // Whitened residuals at a fit: those of `use` runs and of curves; empty where the model has no solution there. With a Jacobian for
+  // base and extra.
   Eigen::VectorXd residuals(const Hypothesis& hypothesis, const Fit& fit, const std::vector<char>& use = {}) const;
   Eigen::MatrixXd jacobian(const Hypothesis& hypothesis, const Fit& fit, const std::vector<char>& use = {}) const;
 
