@@ -106,9 +106,14 @@ void run_soil_tests(std::vector<SoilTest>& tests, const dem::DemTerrainParams& g
     const auto shear = calibration::shear_settings(t.target, recipe, box, settings);
     const auto plate = calibration::plate_settings(t.target, recipe, settings);
     const bool sheared = t.target.test == "direct_shear";
-    // Equal text, equal test.
-    const std::string text = sheared ? shear.soil.text() + fmt::format("normal_stress {}\nrate {}\ntravel {}\n", shear.normal_stress, shear.rate, shear.travel)
-                                     : plate.prism.text() + fmt::format("plate {}\nrate {}\nsinkage {}\n", plate.plate_width, plate.rate, plate.sinkage);
+    // Equal text, equal test. A recipe's text is that of the bed as it settles: the friction it is tested with may be another.
+    const std::string friction =
+        recipe.settling_friction || recipe.settling_rolling_friction
+            ? fmt::format("tested with {:.17g} {:.17g}\n", recipe.contact.friction, recipe.contact.rolling_friction)
+            : std::string();
+    const std::string text =
+        friction + (sheared ? shear.soil.text() + fmt::format("normal_stress {}\nrate {}\ntravel {}\n", shear.normal_stress, shear.rate, shear.travel)
+                            : plate.prism.text() + fmt::format("plate {}\nrate {}\nsinkage {}\n", plate.plate_width, plate.rate, plate.sinkage));
     const fs::path file = folder / fmt::format("test_{:03}.json", i);
     if (fs::exists(file)) {
       std::ifstream in(file);

@@ -160,9 +160,19 @@ Problems BedRecipe::validate() const {
   positive("settled_force", settled_force, "-");
   positive("longest_settling", longest_settling, "s");
   require(problems, "viscous", viscous, "N s/m", viscous >= 0.0, "0 or more");
+  if (settling_friction) require(problems, "settling_friction", *settling_friction, "-", *settling_friction >= 0.0, "0 or more");
+  if (settling_rolling_friction)
+    require(problems, "settling_rolling_friction", *settling_rolling_friction, "-", *settling_rolling_friction >= 0.0, "0 or more");
   for (const Problems& more : {grain.validate(), contact.validate(), floor.validate()})
     problems.insert(problems.end(), more.begin(), more.end());
   return problems;
+}
+
+Interaction BedRecipe::settling_contact() const {
+  Interaction out = contact;
+  out.friction = settling_friction.value_or(contact.friction);
+  out.rolling_friction = settling_rolling_friction.value_or(contact.rolling_friction);
+  return out;
 }
 
 std::string BedRecipe::text() const {
@@ -174,7 +184,8 @@ std::string BedRecipe::text() const {
   for (std::size_t k = 0; k < sizes.diameters.size(); ++k)
     out += fmt::format("listed {:.17g} {:.17g}\n", sizes.diameters[k], sizes.shares[k]);
   number("young_modulus", grain.young_modulus), number("poisson_ratio", grain.poisson_ratio);
-  for (const Interaction* i : {&contact, &floor}) {
+  const Interaction settling = settling_contact();  // the bed does not know what friction it is given afterwards
+  for (const Interaction* i : {&settling, &floor}) {
     out += fmt::format("law {} {} {} {} {}\n", i->normal, i->tangential, i->rolling, i->cohesion,
                        i->printed_shear_modulus ? "printed" : "mindlin");
     number("restitution", i->restitution), number("friction", i->friction);
@@ -221,7 +232,7 @@ Bed prepare_bed(const BedRecipe& recipe, int threads, const Progress& progress, 
   Simulation sim(settings);
   const int grain = sim.add_material(recipe.grain);
   const int wall = sim.add_material({"wall", recipe.grain.young_modulus, recipe.grain.poisson_ratio});
-  sim.set_interaction(grain, grain, recipe.contact);
+  sim.set_interaction(grain, grain, recipe.settling_contact());
   sim.set_interaction(grain, wall, recipe.floor);
   const int floor = sim.add_body({});
   sim.add_surface(floor, make_plane(Vec3::UnitZ(), 0.0), wall);

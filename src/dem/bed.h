@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -34,6 +35,9 @@ struct BedRecipe {
   SizeDistribution sizes;
   Material grain;
   Interaction contact;  // grain on grain
+  // Of grain on grain while the bed settles, absent: as in `contact`. Smooth grains pack densely, and the bed is then
+  // sheared with its own friction: dense sand, which dilates and softens.
+  std::optional<double> settling_friction, settling_rolling_friction;
   Interaction floor = Interaction::smooth_wall();
   double grain_density = 3090.0;     // kg/m3 while settling
   double bulk_density = 1600.0;      // kg/m3; 0: grain density stays
@@ -47,7 +51,8 @@ struct BedRecipe {
   double longest_settling = 3.0;  // s; RunError when the bed still moves then
   std::uint64_t seed = 1;
   Problems validate() const;
-  std::string text() const;  // every parameter, one a line: equal text, equal bed
+  Interaction settling_contact() const;  // grain on grain while the bed settles
+  std::string text() const;              // every parameter, one a line: equal text, equal bed
 };
 
 struct Grain {

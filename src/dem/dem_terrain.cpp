@@ -208,27 +208,32 @@ void DemTerrain::lay_window() {
     any = true;
   }
   if (!any) return;
+  // A prism that is long along the travel thaws and freezes in stretches about as long as it is wide.
   const double tile_length = params_.prism.width;
-  const auto tile_of = [&](double x) { return static_cast<long>(std::floor(x / tile_length)); };
-  const long need_from = tile_of(from - params_.window_behind), need_to = tile_of(to + params_.window_ahead);
+  const long stretches = std::max(1L, std::lround(tile_length / params_.prism.length));
+  const double stretch = tile_length / static_cast<double>(stretches);
+  const auto stretch_of = [stretch](double x) { return static_cast<long>(std::floor(x / stretch)); };
+  const auto tile_of = [stretches](long k) { return k >= 0 ? k / stretches : -((stretches - 1 - k) / stretches); };
+  const long need_from = stretch_of(from - params_.window_behind), need_to = stretch_of(to + params_.window_ahead);
   if (laid_ && need_from == free_from_ && need_to == free_to_) return;
-  // One frozen tile beyond either end of the window holds the grains in.
+  // A frozen stretch or more beyond either end of the window holds the grains in.
   const Bed strip = tile(params_.prism, 1, params_.tiles_y);
   const auto lay = [&](long k) {
     add_bed(*simulation_, strip, soil_, Vec3(static_cast<double>(k) * tile_length, -0.5 * bed_width(), -depth_));
   };
+  const long first = tile_of(need_from - 1), last = tile_of(need_to + 1);
   if (!laid_) {
-    first_tile_ = need_from - 1;
+    first_tile_ = first;
     last_tile_ = first_tile_ - 1;
   }
-  while (last_tile_ < need_to + 1) lay(++last_tile_);
-  while (first_tile_ > need_from - 1) lay(--first_tile_);
+  while (last_tile_ < last) lay(++last_tile_);
+  while (first_tile_ > first) lay(--first_tile_);
   free_from_ = need_from;
   free_to_ = need_to;
   laid_ = true;
   simulation_->set_frozen(
       [&](const Vec3& x, double) {
-        const long k = tile_of(x.x());
+        const long k = stretch_of(x.x());
         return k < free_from_ || k > free_to_;
       },
       params_.prism.grain_density);

@@ -6,11 +6,12 @@
 //
 // The bed is laid from a settled periodic prism as the bodies reach it and is periodic along y. Only grains within a
 // window about the bodies move: those ahead of it are laid but frozen, those behind freeze where they are and thaw when
-// a body comes back. A full bed, as in the paper, is laid at once instead, and moves as a whole but for the grains near
+// a body comes back; the window moves on by about the prism's side across the travel. A full bed, as in the paper, is laid at once instead, and moves as a whole but for the grains near
 // its border, which are fixed. The undisturbed surface, the mean height of the topmost grains seen from above, is at z = 0.
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -36,6 +37,7 @@ struct DemTerrainParams {
   Interaction soil;   // grain on grain
   Interaction wheel;  // grain on body; the paper's wheel is covered with soil
   Interaction floor = Interaction::smooth_wall();
+  std::optional<double> settling_friction, settling_rolling_friction;  // that the prism was settled with, as BedRecipe
   WheelSurface surface = WheelSurface::shape;
   double shell_diameter = 0.01;  // m, of the spheres of a shell
   double shell_spacing = 0.75;   // of their radius
@@ -101,7 +103,7 @@ class DemTerrain final : public terrain::Terrain, public terrain::ParticleView {
   std::vector<terrain::ContactResult> results_;
   bool laid_ = false, in_step_ = false, computed_ = false;
   long first_tile_ = 0, last_tile_ = -1;  // laid so far, along x
-  long free_from_ = 0, free_to_ = -1;     // tiles that move
+  long free_from_ = 0, free_to_ = -1;     // stretches that move, of which a tile has a whole number
   double step_start_ = 0.0, step_length_ = 0.0;
   std::string before_;  // the particles at the start of the step
 };

@@ -25,7 +25,8 @@ dem::DemTerrainParams particle_params(const Scenario& s, int threads, const Prog
   const ParticleSpec& p = s.particles;
   dem::BedRecipe recipe;
   recipe.sizes = particle_sizes(s);
-  recipe.width = recipe.length = p.prism.value_or(0.46 * r);
+  recipe.width = p.prism.value_or(0.46 * r);
+  recipe.length = p.prism_across.value_or(recipe.width);
   recipe.height = p.depth.value_or(0.77 * r);
   recipe.grain.young_modulus = p.young_modulus;
   recipe.grain.poisson_ratio = p.poisson_ratio;
@@ -35,6 +36,8 @@ dem::DemTerrainParams particle_params(const Scenario& s, int threads, const Prog
   recipe.contact.friction = p.friction;
   recipe.contact.rolling_friction = p.rolling_friction;
   recipe.contact.rolling_rate = p.rolling_rate;
+  recipe.settling_friction = p.settling_friction;
+  recipe.settling_rolling_friction = p.settling_rolling_friction;
   recipe.gravity = s.rig.gravity;
   // The recipe's damping suits the paper's grains; the time in which it acts goes with mass over damping.
   constexpr double paper_diameter = 6.25e-3;
@@ -45,11 +48,13 @@ dem::DemTerrainParams particle_params(const Scenario& s, int threads, const Prog
   dem::DemTerrainParams out;
   out.prism = dem::cached_bed(recipe, {}, threads, progress);
   const double width = p.width.value_or(s.wheel.width + 0.6 * r);
-  out.tiles_y = std::max(2, static_cast<int>(std::ceil(width / recipe.length - 1e-9)));
+  out.tiles_y = std::max(p.width ? 1 : 2, static_cast<int>(std::ceil(width / recipe.length - 1e-9)));
   out.soil = out.wheel = recipe.contact;
   out.wheel.friction = p.wheel_friction.value_or(p.friction);
   out.wheel.rolling_friction = p.wheel_rolling_friction.value_or(p.rolling_friction);
   out.floor = recipe.floor;
+  out.settling_friction = p.settling_friction;
+  out.settling_rolling_friction = p.settling_rolling_friction;
   out.surface = p.wheel_surface == "spheres" ? dem::WheelSurface::spheres : dem::WheelSurface::shape;
   out.shell_diameter = p.sphere_diameter;
   out.shell_spacing = p.sphere_spacing;

@@ -39,6 +39,10 @@ Table<TestGrains> grains_table() {
   t.number("restitution", "-", {0, 1, true, false}, &G::restitution, "of grain on grain")
       .number("friction", "-", at_least(0), &G::friction, "of grain on grain")
       .number("rolling_friction", "-", at_least(0), &G::rolling_friction, "mu_r")
+      .number("settling_friction", "-", at_least(0), &G::settling_friction,
+              "of grain on grain while the bed settles: low for a dense bed; absent: friction")
+      .number("settling_rolling_friction", "-", at_least(0), &G::settling_rolling_friction,
+              "mu_r while the bed settles; absent: rolling_friction")
       .number("rolling_rate", "s^2/m^2", at_least(0), &G::rolling_rate, "mu_r = min(rolling_rate v_t^2, 1) (Eq. 23); 0: constant mu_r")
       .number("rolling_damping", "-", at_least(0), &G::rolling_damping, "share of the critical dashpot")
       .number("cohesion_energy_density", "Pa", at_least(0), &G::cohesion_energy_density, "of cohesion area")
@@ -131,6 +135,7 @@ dem::BedRecipe recipe_of(const ParticleTests& t, int seed) {
   c.rolling_friction = g.rolling_friction, c.rolling_rate = g.rolling_rate, c.rolling_damping = g.rolling_damping;
   c.cohesion_energy_density = g.cohesion_energy_density;
   c.printed_shear_modulus = g.printed_shear_modulus;
+  r.settling_friction = g.settling_friction, r.settling_rolling_friction = g.settling_rolling_friction;
   r.floor.normal = g.normal;
   r.floor.restitution = g.wall_restitution;
   r.floor.friction = g.wall_friction;

@@ -28,6 +28,7 @@ struct TestGrains {
   double poisson_ratio = 0.35;
   std::string normal = "hertz", tangential = "mindlin", rolling = "epsd", cohesion = "none";
   double restitution = 0.4, friction = 0.86, rolling_friction = 1.0;
+  std::optional<double> settling_friction, settling_rolling_friction;
   double rolling_rate = 0.0;                  // s2/m2
   double rolling_damping = 1.0;
   double cohesion_energy_density = 0.0;       // Pa

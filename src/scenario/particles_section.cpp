@@ -13,8 +13,9 @@ Table<P> particles_table() {
       .choice("distribution", {"uniform", "linear"}, &P::distribution, "density of diameters: constant or proportional to the diameter")
       .choice("by", {"number", "mass"}, &P::by, "what the distribution is a share of")
       .number("prism", "m", above(0), &P::prism, "side of the settled prism that is repeated; absent: 0.46 radii")
+      .number("prism_across", "m", above(0), &P::prism_across, "its side across the travel; absent: as along it")
       .number("depth", "m", above(0), &P::depth, "of the bed; absent: 0.77 radii")
-      .number("width", "m", above(0), &P::width, "of the bed, rounded up to whole prisms; absent: the wheel's and 0.6 radii")
+      .number("width", "m", above(0), &P::width, "of the bed, rounded up to whole prisms; absent: the wheel's and 0.6 radii, two prisms or more")
       .choice("bed", {"moving", "full"}, &P::bed, "moving: laid ahead of the wheel, frozen behind it; full: all at once, its border fixed")
       .number("length", "m", above(0), &P::length, "of a full bed along the travel")
       .number("behind", "m", above(0), &P::behind, "of a full bed behind the place where the wheel is set down")
@@ -39,7 +40,11 @@ Table<P> particles_table() {
       .number("rolling_friction", "-", at_least(0), &P::rolling_friction, "mu_r")
       .number("rolling_rate", "s^2/m^2", at_least(0), &P::rolling_rate, "mu_r = min(rolling_rate v_t^2, 1); 0: constant mu_r")
       .number("wheel_friction", "-", at_least(0), &P::wheel_friction, "of grain on wheel; absent: as grain on grain")
-      .number("wheel_rolling_friction", "-", at_least(0), &P::wheel_rolling_friction, "of grain on wheel; absent: as grain on grain");
+      .number("wheel_rolling_friction", "-", at_least(0), &P::wheel_rolling_friction, "of grain on wheel; absent: as grain on grain")
+      .number("settling_friction", "-", at_least(0), &P::settling_friction,
+              "of grain on grain while the bed settles: low for a dense bed; absent: friction")
+      .number("settling_rolling_friction", "-", at_least(0), &P::settling_rolling_friction,
+              "mu_r while the bed settles; absent: rolling_friction");
   return t;
 }
 

@@ -115,7 +115,7 @@ struct LayerOfSoil {
 struct ParticleSpec {
   std::optional<double> smallest, largest;          // m, diameters
   std::string distribution = "uniform", by = "number";
-  std::optional<double> prism, depth, width;        // m
+  std::optional<double> prism, prism_across, depth, width;  // m
   std::string bed = "moving";
   double length = 1.0, behind = 0.2, border = 0.01; // m, of a full bed
   std::optional<double> window_ahead, window_behind;  // m
@@ -131,6 +131,7 @@ struct ParticleSpec {
   double rolling_friction = 1.0;
   double rolling_rate = 0.0;                        // s2/m2
   std::optional<double> wheel_friction, wheel_rolling_friction;
+  std::optional<double> settling_friction, settling_rolling_friction;
 };
 
 // One missing-physics effect that is switched on, with the parameters that are given (SI).

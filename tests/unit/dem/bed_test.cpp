@@ -98,6 +98,25 @@ TEST(Bed, PreparedTiledSavedCached) {
   std::filesystem::remove_all(folder);
 }
 
+TEST(Bed, SmoothGrainsPackDenselyAndTheirBedIsTheSameForAnyFrictionLater) {
+  const Bed loose = prepare_bed(small_recipe());
+  BedRecipe smooth = small_recipe();
+  smooth.settling_friction = 0.05;
+  smooth.settling_rolling_friction = 0.0;
+  const Bed dense = prepare_bed(smooth);
+  EXPECT_GT(dense.solid_fraction, loose.solid_fraction + 0.03);
+  EXPECT_GT(dense.coordination, loose.coordination + 0.7);  // fewer forces keep a smooth grain in place
+  // Nothing of the friction that it gets afterwards is in the bed.
+  BedRecipe other = smooth;
+  other.contact.friction = 0.3;
+  other.contact.rolling_friction = 0.1;
+  EXPECT_EQ(other.text(), smooth.text());
+  EXPECT_NE(smooth.text(), small_recipe().text());
+  other.settling_friction = -1.0;
+  ASSERT_EQ(other.validate().size(), 1u);
+  EXPECT_EQ(other.validate().front().key, "settling_friction");
+}
+
 TEST(Bed, WrongInputIsNamed) {
   BedRecipe r = small_recipe();
   r.height = -1;

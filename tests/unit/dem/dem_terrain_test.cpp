@@ -101,6 +101,44 @@ TEST(DemTerrain, AFullBedIsLaidAtOnceAndItsBorderStandsStill) {
               ::testing::ThrowsMessage<RunError>(::testing::HasSubstr("beyond the full bed")));
 }
 
+// A long, narrow prism: the window moves on by stretches as long as the prism is wide, not by whole prisms.
+TEST(DemTerrain, ALongPrismThawsInStretches) {
+  BedRecipe r;
+  r.width = 0.12;
+  r.length = 0.02;
+  r.height = 0.015;
+  r.sizes.smallest = 4e-3;
+  r.sizes.largest = 5e-3;
+  DemTerrainParams p;
+  p.prism = prepare_bed(r);
+  p.tiles_y = 1;
+  p.window_ahead = 0.035;
+  p.window_behind = 0.015;
+  DemTerrain ground(p);
+  ground.add_body(small_wheel());
+  const double per_metre = static_cast<double>(p.prism.grains.size()) / r.width;
+  std::size_t all = 0;
+  for (const double x : {-0.05, -0.009, 0.0, 0.011, 0.05, 0.13, 0.05}) {
+    ground.begin_step(0.0, h);
+    ground.set_motion(0, at(x, 0.1), {});
+    ground.end_step();
+    // The window's 50 mm touch three or four stretches of 20 mm.
+    const double from = 0.02 * std::floor((x - 0.015) / 0.02 + 1e-9), to = 0.02 * std::floor((x + 0.035) / 0.02 + 1e-9) + 0.02;
+    EXPECT_NEAR(static_cast<double>(ground.particles().free_count()), per_metre * (to - from), 0.15 * per_metre * (to - from)) << x;
+    all = 0;
+    double lowest = 1.0, highest = -1.0;
+    ground.particles().for_each_grain([&](const Vec3& g, double) {
+      ++all;
+      lowest = std::min(lowest, g.x());
+      highest = std::max(highest, g.x());
+    });
+    EXPECT_EQ(all % p.prism.grains.size(), 0u) << x;  // what is laid is whole prisms, past either end of the window
+    EXPECT_LT(lowest, from - 0.015) << x;
+    EXPECT_GT(highest, to + 0.015) << x;
+  }
+  EXPECT_EQ(all, 3 * p.prism.grains.size());  // laid once: from -0.12 to 0.24 m
+}
+
 TEST(DemTerrain, AShellStandsWhereItsWheelIs) {
   DemTerrainParams p = params();
   p.surface = WheelSurface::spheres;

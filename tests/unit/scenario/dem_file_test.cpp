@@ -56,5 +56,30 @@ TEST(Grains, CarryTheWheelAndPointsGoOnFromWhereTheyWereKept) {
   }
 }
 
+TEST(Grains, ASliceIsOnePrismAcrossAndAsDenseAsItSettled) {
+  Scenario s = small_wheel_on_grains();
+  s.particles.prism = 0.06;
+  s.particles.prism_across = 0.024;
+  s.particles.width = 0.024;
+  s.particles.settling_friction = 0.05;
+  s.particles.settling_rolling_friction = 0.0;
+  const dem::DemTerrainParams slice = particle_params(s);
+  EXPECT_EQ(slice.tiles_y, 1);
+  EXPECT_DOUBLE_EQ(slice.prism.width, 0.06);   // along the travel
+  EXPECT_DOUBLE_EQ(slice.prism.length, 0.024);  // across
+  EXPECT_DOUBLE_EQ(slice.soil.friction, s.particles.friction);
+  EXPECT_DOUBLE_EQ(slice.soil.rolling_friction, s.particles.rolling_friction);
+  EXPECT_EQ(slice.settling_friction, 0.05);
+  Scenario loose = s;
+  loose.particles.settling_friction = loose.particles.settling_rolling_friction = std::nullopt;
+  EXPECT_GT(slice.prism.solid_fraction, particle_params(loose).prism.solid_fraction + 0.02);
+  const Scenario again = parse_scenario(to_yaml(s), "again.yaml");
+  EXPECT_EQ(again.particles.prism_across, s.particles.prism_across);
+  EXPECT_EQ(again.particles.settling_friction, s.particles.settling_friction);
+  EXPECT_EQ(again.particles.settling_rolling_friction, s.particles.settling_rolling_friction);
+  s.particles.width.reset();
+  EXPECT_GE(particle_params(s).tiles_y, 2);
+}
+
 }  // namespace
 }  // namespace terrode::scenario
