@@ -73,9 +73,20 @@ std::vector<Member> shell_of_spheres(double radius, double width, double diamete
   return out;
 }
 
+namespace {
+
+// Of the circle about body y that nothing of the body lies beyond.
+double outer_radius(const wheel::Body& body) {
+  const wheel::Rolling* rim = body.rolling();
+  return rim ? rim->outer : body.bounding_radius();
+}
+
+}  // namespace
+
 DemTerrain::DemTerrain(DemTerrainParams params) : params_(std::move(params)) {
   throw_if_any(params_.validate());
   depth_ = surface_level(params_.prism);
+  for (const Grain& g : params_.prism.grains) largest_ = std::max(largest_, 2.0 * g.radius);
   Settings settings;
   settings.gravity = Vec3(0.0, 0.0, -params_.gravity);
   settings.period = Vec3(0.0, bed_width(), 0.0);
@@ -163,6 +174,7 @@ terrain::ContactResult DemTerrain::wrench(terrain::BodyId body, const Pose& pose
 void DemTerrain::end_step() {
   if (!in_step_) throw RunError("no step to end");
   if (!computed_) advance();  // bodies that were announced, or none: the grains go on by themselves
+  half_chord_ = half_chord();
   in_step_ = false;
 }
 
@@ -195,6 +207,17 @@ void DemTerrain::lay_full() {
       params_.prism.grain_density);
 }
 
+// Half of what a grain's height above the surface cuts out of the circles that hold the bodies, at the deepest so far.
+double DemTerrain::half_chord() const {
+  double out = half_chord_;
+  for (const Touching& b : bodies_) {
+    if (!b.announced) continue;
+    const double radius = outer_radius(*b.shape), above = b.pose.p_W.z() - largest_;
+    if (std::abs(above) < radius) out = std::max(out, above > 0.0 ? std::sqrt(radius * radius - above * above) : radius);
+  }
+  return out;
+}
+
 // Lays tiles and moves the window so that every announced body is inside.
 void DemTerrain::lay_window() {
   if (params_.full_length > 0.0) return lay_full();
@@ -208,13 +231,15 @@ void DemTerrain::lay_window() {
     any = true;
   }
   if (!any) return;
+  const double chord = half_chord();
   // A prism that is long along the travel thaws and freezes in stretches about as long as it is wide.
   const double tile_length = params_.prism.width;
   const long stretches = std::max(1L, std::lround(tile_length / params_.prism.length));
   const double stretch = tile_length / static_cast<double>(stretches);
   const auto stretch_of = [stretch](double x) { return static_cast<long>(std::floor(x / stretch)); };
   const auto tile_of = [stretches](long k) { return k >= 0 ? k / stretches : -((stretches - 1 - k) / stretches); };
-  const long need_from = stretch_of(from - params_.window_behind), need_to = stretch_of(to + params_.window_ahead);
+  const long need_from = stretch_of(from - std::max(params_.window_behind, chord)),
+             need_to = stretch_of(to + std::max(params_.window_ahead, chord));
   if (laid_ && need_from == free_from_ && need_to == free_to_) return;
   // A frozen stretch or more beyond either end of the window holds the grains in.
   const Bed strip = tile(params_.prism, 1, params_.tiles_y);
@@ -231,10 +256,16 @@ void DemTerrain::lay_window() {
   free_from_ = need_from;
   free_to_ = need_to;
   laid_ = true;
+  // A grain that a body may touch before the window moves on stays free: frozen, it would stand like a rock.
+  const auto beside_a_body = [&](const Vec3& x, double radius) {
+    return std::any_of(bodies_.begin(), bodies_.end(), [&](const Touching& b) {
+      return b.announced && std::hypot(x.x() - b.pose.p_W.x(), x.z() - b.pose.p_W.z()) < outer_radius(*b.shape) + radius + largest_;
+    });
+  };
   simulation_->set_frozen(
-      [&](const Vec3& x, double) {
+      [&](const Vec3& x, double radius) {
         const long k = stretch_of(x.x());
-        return k < free_from_ || k > free_to_;
+        return (k < free_from_ || k > free_to_) && !beside_a_body(x, radius);
       },
       params_.prism.grain_density);
 }
@@ -328,7 +359,7 @@ double DemTerrain::roughness() const {
 std::string DemTerrain::state() const {
   std::ostringstream out;
   const auto put = [&](const auto& v) { out.write(reinterpret_cast<const char*>(&v), sizeof v); };
-  put(laid_), put(first_tile_), put(last_tile_), put(free_from_), put(free_to_), put(time_step_);
+  put(laid_), put(first_tile_), put(last_tile_), put(free_from_), put(free_to_), put(half_chord_), put(time_step_);
   simulation_->save(out);
   return std::move(out).str();
 }
@@ -336,7 +367,7 @@ std::string DemTerrain::state() const {
 void DemTerrain::set_state(const std::string& bytes) {
   std::istringstream in(bytes);
   const auto get = [&](auto& v) { in.read(reinterpret_cast<char*>(&v), sizeof v); };
-  get(laid_), get(first_tile_), get(last_tile_), get(free_from_), get(free_to_), get(time_step_);
+  get(laid_), get(first_tile_), get(last_tile_), get(free_from_), get(free_to_), get(half_chord_), get(time_step_);
   if (!in) throw InputError("the saved ground ends too early");
   simulation_->load(in);
 }

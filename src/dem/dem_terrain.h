@@ -41,7 +41,7 @@ struct DemTerrainParams {
   WheelSurface surface = WheelSurface::shape;
   double shell_diameter = 0.01;  // m, of the spheres of a shell
   double shell_spacing = 0.75;   // of their radius
-  double window_ahead = 0.16;    // m beyond a body's centre that moves
+  double window_ahead = 0.16;    // m beyond a body's centre that moves; at least what it cuts out of the surface
   double window_behind = 0.12;   // m behind it
   double full_length = 0.0;      // m along x of a full bed; 0: the bed follows the window
   double full_behind = 0.2;      // m of it at x < 0
@@ -89,6 +89,7 @@ class DemTerrain final : public terrain::Terrain, public terrain::ParticleView {
   };
   Touching& known(terrain::BodyId body);
   void advance();
+  double half_chord() const;
   void lay_window();
   void lay_full();
   std::string state() const;
@@ -104,6 +105,8 @@ class DemTerrain final : public terrain::Terrain, public terrain::ParticleView {
   bool laid_ = false, in_step_ = false, computed_ = false;
   long first_tile_ = 0, last_tile_ = -1;  // laid so far, along x
   long free_from_ = 0, free_to_ = -1;     // stretches that move, of which a tile has a whole number
+  double half_chord_ = 0.0;               // m, of the bodies at the surface: the window is never shorter
+  double largest_ = 0.0;                  // m, diameter of the largest grain
   double step_start_ = 0.0, step_length_ = 0.0;
   std::string before_;  // the particles at the start of the step
 };

@@ -139,6 +139,21 @@ TEST(DemTerrain, ALongPrismThawsInStretches) {
   EXPECT_EQ(all, 3 * p.prism.grains.size());  // laid once: from -0.12 to 0.24 m
 }
 
+// Frozen grains do not give way: a wheel that sinks, or throws grains out behind it, must not meet them however short the window.
+TEST(DemTerrain, AWindowTooShortForASunkWheelGrows) {
+  DemTerrain wide(params());
+  DemTerrainParams p = params();
+  p.window_ahead = p.window_behind = 0.005;
+  DemTerrain narrow(p);
+  wide.add_body(small_wheel());
+  narrow.add_body(small_wheel());
+  press(narrow, 5, 0.4);
+  press(wide, 5, 0.4);
+  EXPECT_LT(narrow.particles().free_count(), wide.particles().free_count());
+  for (int k = 0; k < 6; ++k) press(narrow, 1, 0.0, 0.0, 0.030), press(wide, 1, 0.0, 0.0, 0.030);
+  EXPECT_EQ(narrow.particles().free_count(), wide.particles().free_count());
+}
+
 TEST(DemTerrain, AShellStandsWhereItsWheelIs) {
   DemTerrainParams p = params();
   p.surface = WheelSurface::spheres;

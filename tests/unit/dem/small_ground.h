@@ -45,14 +45,14 @@ inline Pose at(double x, double z, double angle = 0.0) {
 
 inline constexpr double h = 5e-4;
 
-// Pushes the wheel down at constant speed.
-inline double press(DemTerrain& ground, int steps, double speed, double x = 0.0) {
+// Pushes the wheel down at constant speed, from an axle `from` above the surface.
+inline double press(DemTerrain& ground, int steps, double speed, double x = 0.0, double from = 0.043) {
   double force = 0.0;
   for (int k = 0; k < steps; ++k) {
     ground.begin_step(k * h, h);
     Twist t;
     t.v_W = Vec3(0, 0, -speed);
-    force = ground.wrench(0, at(x, 0.043 - speed * h * k), t).wrench.F_W.z();
+    force = ground.wrench(0, at(x, from - speed * h * k), t).wrench.F_W.z();
     ground.end_step();
   }
   return force;
