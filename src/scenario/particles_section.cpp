@@ -1,3 +1,8 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "liggghts/law.h"
 #include "scenario/section.h"
 
 namespace terrode::scenario {
@@ -40,6 +45,29 @@ Table<P> particles_table() {
       .number("rolling_rate", "s^2/m^2", at_least(0), &P::rolling_rate, "mu_r = min(rolling_rate v_t^2, 1); 0: constant mu_r")
       .number("wheel_friction", "-", at_least(0), &P::wheel_friction, "of grain on wheel; absent: as grain on grain")
       .number("wheel_rolling_friction", "-", at_least(0), &P::wheel_rolling_friction, "of grain on wheel; absent: as grain on grain");
+  // What another engine leaves out of it.
+  const std::vector<std::string>& known = liggghts::approximations();
+  const Json words = {{"type", "array"},
+                      {"description", "departures from this law that the method mpi may make; it refuses those that are not named"},
+                      {"items", {{"enum", known}}}};
+  t.add({"approximate", false, words,
+         [&known](MapReader& map, P& out) {
+           for (const auto& [key, item] : map.items("approximate")) {
+             if (item->kind == Node::Kind::scalar && std::find(known.begin(), known.end(), item->text) != known.end()) {
+               out.approximate.push_back(item->text);
+               continue;
+             }
+             std::string all;
+             for (const std::string& name : known) all += (all.empty() ? "" : ", ") + name;
+             map.source().problem(*item, key, item->kind == Node::Kind::scalar ? "is '" + item->text + "'" : "is no word", "one of " + all);
+           }
+         },
+         [](const P& in) -> std::optional<Node> {
+           if (in.approximate.empty()) return std::nullopt;
+           Node list = Node::sequence();
+           for (const std::string& name : in.approximate) list.items.push_back(Node::scalar(name));
+           return list;
+         }});
   return t;
 }
 
