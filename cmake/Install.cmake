@@ -7,6 +7,10 @@ set(TERRODE_CMAKE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/terrode)
 get_property(terrode_rooms GLOBAL PROPERTY TERRODE_ROOMS)
 list(REMOVE_ITEM terrode_rooms cli)  # the program's own
 set(terrode_targets terrode_hdf5 terrode_urdfdom)
+if(TERRODE_LIGGGHTS_FOUND)
+  list(APPEND terrode_targets terrode_mpi)
+  set_target_properties(terrode_mpi PROPERTIES EXPORT_NAME mpi)
+endif()
 foreach(room IN LISTS terrode_rooms)
   list(APPEND terrode_targets terrode_${room})
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/${room} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/terrode

@@ -5,11 +5,14 @@ endif()
 set_property(GLOBAL PROPERTY TERRODE_ROOMS "")
 set_property(GLOBAL PROPERTY TERRODE_ARROWS "")
 
-# terrode_room(name DEPENDS rooms... LINKS targets...): the library terrode_<name> made of
-# src/<name>/*.cpp. Dependencies name the rooms it may include; nothing else is on its link line.
+# terrode_room(name DEPENDS rooms... LINKS targets... [WITHOUT files...]): the library terrode_<name> made of
+# src/<name>/*.cpp, but for the files named. Dependencies name the rooms it may include; nothing else is on its link line.
 function(terrode_room name)
-  cmake_parse_arguments(ROOM "" "" "DEPENDS;LINKS" ${ARGN})
+  cmake_parse_arguments(ROOM "" "" "DEPENDS;LINKS;WITHOUT" ${ARGN})
   file(GLOB sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/src/${name}/*.cpp)
+  foreach(file IN LISTS ROOM_WITHOUT)
+    list(REMOVE_ITEM sources ${PROJECT_SOURCE_DIR}/src/${name}/${file})
+  endforeach()
   if(sources)
     add_library(terrode_${name} STATIC ${sources})
     set(scope PUBLIC)
@@ -96,7 +99,7 @@ function(terrode_test_program target sources labels room)
     target_precompile_headers(${target} PRIVATE <gtest/gtest.h> <gmock/gmock.h> <algorithm> <cmath> <filesystem> <fstream>
       <functional> <string> <vector>)
   endif()
-  if(room STREQUAL "cli" AND TARGET terrode_program)
+  if(room MATCHES "^(cli|liggghts)$" AND TARGET terrode_program)
     add_dependencies(${target} terrode_program)
   endif()
   gtest_discover_tests(${target} TEST_PREFIX "${target}." DISCOVERY_MODE PRE_TEST

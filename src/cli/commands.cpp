@@ -13,6 +13,7 @@
 #include "core/problem.h"
 #include "core/progress.h"
 #include "core/version.h"
+#include "liggghts/ranks.h"
 
 // One line a command: X(name) stands for add_name() of src/cli/name.cpp. In the order in which help lists them.
 #define TERRODE_COMMANDS(X) \
@@ -106,6 +107,7 @@ void build(Command& app, Common& common) {
 }
 
 int run(int argc, char** argv) {
+  if (const auto status = liggghts::serve()) return *status;  // started by mpirun to help rank 0
   // A file must not take the place of a standard stream that the caller closed.
   for (int fd = 0; fd < 3; ++fd)
     if (fcntl(fd, F_GETFD) < 0 && errno == EBADF && ::open("/dev/null", fd == 0 ? O_RDONLY : O_WRONLY) != fd) return 1;

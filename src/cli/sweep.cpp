@@ -217,7 +217,9 @@ void sweep(const SweepArguments& arguments, Common& common) {
   const auto place = [](const recording::Condition& c) { return c.extra.at("point"); };
 
   vehicle::SweepOptions options;
-  options.threads = common.threads;
+  // LIGGGHTS carries one ground at a time.
+  const bool one_by_one = std::all_of(names.begin(), names.end(), [](const std::string& name) { return name == "mpi"; });
+  options.threads = one_by_one ? 1 : common.threads;
   options.keep_series = false;
   options.skip = [&](const std::string& method, const recording::Condition& c) { return there.contains({method, place(c)}); };
   options.on_point = [&](const vehicle::SweepPoint& done) {

@@ -1,7 +1,11 @@
 #include "scenario/dem_file.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+
+#include "liggghts/law.h"
 
 namespace terrode::scenario {
 
@@ -20,7 +24,9 @@ dem::SizeDistribution particle_sizes(const Scenario& s) {
   return out;
 }
 
-dem::DemTerrainParams particle_params(const Scenario& s, int threads, const Progress& progress) {
+namespace {
+
+dem::BedRecipe bed_recipe(const Scenario& s) {
   const double r = s.wheel.radius;
   const ParticleSpec& p = s.particles;
   dem::BedRecipe recipe;
@@ -45,10 +51,14 @@ dem::DemTerrainParams particle_params(const Scenario& s, int threads, const Prog
   recipe.viscous *= ratio * ratio;
   recipe.seed = static_cast<std::uint64_t>(std::max(0, s.seed));
   if (s.soil.bulk_density) recipe.bulk_density = *s.soil.bulk_density;
+  return recipe;
+}
+
+// Who touches whom, and how; no bed.
+dem::DemTerrainParams particle_law(const Scenario& s) {
+  const ParticleSpec& p = s.particles;
+  const dem::BedRecipe recipe = bed_recipe(s);
   dem::DemTerrainParams out;
-  out.prism = dem::cached_bed(recipe, {}, threads, progress);
-  const double width = p.width.value_or(s.wheel.width + 0.6 * r);
-  out.tiles_y = std::max(p.width ? 1 : 2, static_cast<int>(std::ceil(width / recipe.length - 1e-9)));
   out.soil = out.wheel = recipe.contact;
   out.wheel.friction = p.wheel_friction.value_or(p.friction);
   out.wheel.rolling_friction = p.wheel_rolling_friction.value_or(p.rolling_friction);
@@ -56,6 +66,18 @@ dem::DemTerrainParams particle_params(const Scenario& s, int threads, const Prog
   out.settling_friction = p.settling_friction;
   out.settling_rolling_friction = p.settling_rolling_friction;
   out.surface = p.wheel_surface == "spheres" ? dem::WheelSurface::spheres : dem::WheelSurface::shape;
+  return out;
+}
+
+}  // namespace
+
+dem::DemTerrainParams particle_params(const Scenario& s, int threads, const Progress& progress) {
+  const ParticleSpec& p = s.particles;
+  const dem::BedRecipe recipe = bed_recipe(s);
+  dem::DemTerrainParams out = particle_law(s);
+  out.prism = dem::cached_bed(recipe, {}, threads, progress);
+  const double width = p.width.value_or(s.wheel.width + 0.6 * s.wheel.radius);
+  out.tiles_y = std::max(p.width ? 1 : 2, static_cast<int>(std::ceil(width / recipe.length - 1e-9)));
   out.shell_diameter = p.sphere_diameter;
   out.shell_spacing = p.sphere_spacing;
   const dem::DemWindow window = particle_window(s);
@@ -73,11 +95,54 @@ dem::DemTerrainParams particle_params(const Scenario& s, int threads, const Prog
   return out;
 }
 
+namespace {
+
+void refuse_bed_effects(const Scenario& s, const effects::EffectSet& effects, const char* method) {
+  if (!effects.has_bed()) return;
+  throw InputError({s.file, 0, 0, "effects", fmt::format("shape the bed, which the method {} does not know", method),
+                    "effects of rig and instruments, or another method"});
+}
+
+// Problems of the engine's parameters by the scenario's keys.
+void throw_of_particles(const Scenario& s, Problems problems) {
+  for (Problem& p : problems) {
+    if (p.file.empty()) p.file = s.file;
+    if (p.key != "method") p.key = "particles." + p.key;
+  }
+  throw_if_any(problems);
+}
+
+}  // namespace
+
+liggghts::LiggghtsParams liggghts_params(const Scenario& s, int threads, const Progress& progress) {
+  liggghts::LiggghtsParams out;
+  out.approximate = s.particles.approximate;
+  out.bed = particle_law(s);
+  throw_of_particles(s, liggghts::law_problems(out.bed, out.approximate));  // before a bed is settled for nothing
+  out.bed = particle_params(s, threads, progress);
+  // A wheel that is pulled may go either way; one whose slip is imposed goes ahead, and as it is set down a little back.
+  const double r = s.wheel.radius;
+  const bool pulled = s.rig.mode == "imposed_pull" || s.rig.mode == "pull_ramp";
+  out.reach_ahead = s.rig.travel + r;
+  out.reach_behind = (pulled ? s.rig.travel : 0.0) + r;
+  return out;
+}
+
+std::unique_ptr<terrain::Terrain> liggghts_ground(const Scenario& s, const effects::EffectSet& effects, int threads,
+                                                  const Progress& progress) {
+  refuse_bed_effects(s, effects, "mpi");
+  liggghts::LiggghtsParams params = liggghts_params(s, threads, progress);
+  try {
+    return liggghts::make_terrain(std::move(params));
+  } catch (const InputError& e) {
+    throw_of_particles(s, e.problems());
+    throw;
+  }
+}
+
 std::unique_ptr<terrain::Terrain> particle_ground(const Scenario& s, const effects::EffectSet& effects, int threads,
                                                   const Progress& progress) {
-  if (effects.has_bed())
-    throw InputError({s.file, 0, 0, "effects", "shape the bed, which the method dem does not know",
-                      "effects of rig and instruments, or another method"});
+  refuse_bed_effects(s, effects, "dem");
   return std::make_unique<dem::DemTerrain>(particle_params(s, threads, progress));
 }
 

@@ -6,6 +6,7 @@
 #include "core/progress.h"
 #include "dem/dem_terrain.h"
 #include "effects/effect.h"
+#include "liggghts/liggghts_terrain.h"
 #include "scenario/scenario.h"
 
 namespace terrode::scenario {
@@ -21,8 +22,15 @@ dem::DemTerrainParams particle_params(const Scenario& scenario, int threads = 1,
 dem::DemWindow particle_window(const Scenario& scenario);
 dem::SizeDistribution particle_sizes(const Scenario& scenario);
 
+// The same for the engine of the method mpi, with the approximations that the scenario names, and as much bed as the rig
+// may travel. Problems are those of the scenario's keys.
+liggghts::LiggghtsParams liggghts_params(const Scenario& scenario, int threads = 1, const Progress& progress = {});
+
 // A fresh particle ground. Throws InputError for effects that shape the bed, which particles do not know.
 std::unique_ptr<terrain::Terrain> particle_ground(const Scenario& scenario, const effects::EffectSet& effects, int threads = 1,
+                                                  const Progress& progress = {});
+// A fresh one on LIGGGHTS. Throws InputError also for what of the law it cannot express, and in a build without it.
+std::unique_ptr<terrain::Terrain> liggghts_ground(const Scenario& scenario, const effects::EffectSet& effects, int threads = 1,
                                                   const Progress& progress = {});
 
 }  // namespace terrode::scenario

@@ -110,11 +110,11 @@ std::unique_ptr<terrain::NodeSpringTerrain> node_spring_ground(const Scenario& s
 
 std::unique_ptr<terrain::Terrain> make_ground(const std::string& method, const Scenario& scenario,
                                               const effects::EffectSet& effects, const MethodSettings& settings) {
-  if (method == "dem") refuse_for_particles(scenario, method);
+  if (method == "dem" || method == "mpi") refuse_for_particles(scenario, method);
   if (method == "dem") return particle_ground(scenario, effects, settings.threads, settings.progress);
+  if (method == "mpi") return liggghts_ground(scenario, effects, settings.threads, settings.progress);
   if (method == "node-spring") return node_spring_ground(scenario, effects);
-  throw InputError({scenario.file, 0, 0, "method", fmt::format("is '{}', which cannot be computed yet", method),
-                    "steady, node-spring or dem"});
+  throw InputError({scenario.file, 0, 0, "method", fmt::format("is '{}', which has no ground", method), "node-spring, dem or mpi"});
 }
 
 vehicle::SweepMethod make_method(const std::string& name, const Scenario& scenario, const MethodSettings& settings) {

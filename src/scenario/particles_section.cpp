@@ -1,3 +1,8 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "liggghts/law.h"
 #include "scenario/section.h"
 
 namespace terrode::scenario {
@@ -45,6 +50,29 @@ Table<P> particles_table() {
               "of grain on grain while the bed settles: low for a dense bed; absent: friction")
       .number("settling_rolling_friction", "-", at_least(0), &P::settling_rolling_friction,
               "mu_r while the bed settles; absent: rolling_friction");
+  // What another engine leaves out of it.
+  const std::vector<std::string>& known = liggghts::approximations();
+  const Json words = {{"type", "array"},
+                      {"description", "departures from this law that the method mpi may make; it refuses those that are not named"},
+                      {"items", {{"enum", known}}}};
+  t.add({"approximate", false, words,
+         [&known](MapReader& map, P& out) {
+           for (const auto& [key, item] : map.items("approximate")) {
+             if (item->kind == Node::Kind::scalar && std::find(known.begin(), known.end(), item->text) != known.end()) {
+               out.approximate.push_back(item->text);
+               continue;
+             }
+             std::string all;
+             for (const std::string& name : known) all += (all.empty() ? "" : ", ") + name;
+             map.source().problem(*item, key, item->kind == Node::Kind::scalar ? "is '" + item->text + "'" : "is no word", "one of " + all);
+           }
+         },
+         [](const P& in) -> std::optional<Node> {
+           if (in.approximate.empty()) return std::nullopt;
+           Node list = Node::sequence();
+           for (const std::string& name : in.approximate) list.items.push_back(Node::scalar(name));
+           return list;
+         }});
   return t;
 }
 

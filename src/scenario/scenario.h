@@ -132,6 +132,7 @@ struct ParticleSpec {
   double rolling_rate = 0.0;                        // s2/m2
   std::optional<double> wheel_friction, wheel_rolling_friction;
   std::optional<double> settling_friction, settling_rolling_friction;
+  std::vector<std::string> approximate;             // departures from the law that the method mpi may make: liggghts/law.h
 };
 
 // One missing-physics effect that is switched on, with the parameters that are given (SI).

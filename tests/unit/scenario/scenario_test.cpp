@@ -159,6 +159,17 @@ TEST(Particles, AreReadWrittenAndFilledInFromTheWheel) {
   EXPECT_EQ(again.particles.wheel_surface, "spheres");
   EXPECT_EQ(again.particles.time_step, s.particles.time_step);
   EXPECT_EQ(again.particles.rolling_rate, 6.75e8);
+  const std::string named = "particles: {rolling: epsd2, approximate: [unprojected_rolling, wheel_rolling]}\n";
+  EXPECT_EQ(parse_scenario(to_yaml(parse_scenario(text + named, "a.yaml")), "b.yaml").particles.approximate,
+            (std::vector<std::string>{"unprojected_rolling", "wheel_rolling"}));
+  try {
+    parse_scenario(text + "particles: {approximate: [unprojected_roling]}\n", "a.yaml");
+    ADD_FAILURE() << "taken";
+  } catch (const InputError& e) {
+    EXPECT_NE(std::string(e.what()).find("particles.approximate[0]: is 'unprojected_roling', expected one of unprojected_rolling"),
+              std::string::npos)
+        << e.what();
+  }
   EXPECT_THROW(parse_scenario(text + "particles: {smallest: 5 mm, largest: 4 mm}\n", "a.yaml"), InputError);
   EXPECT_THROW(parse_scenario(text + "particles: {time_step_fraction: 0.5}\n", "a.yaml"), InputError);
 }
