@@ -70,6 +70,7 @@ struct Campaign {
   bekker::Soil believed;               // what the laboratory believes; gaps filled as `remarks` says
   bekker::ContactAngles believed_angles;
   bool complete_belief = false;        // nothing of the soil had to be filled in
+  bool known_soil = false;             // the belief comes from the same soil under another wheel, and holds but for its preparation
   std::vector<Condition> conditions;
   std::vector<RunData> runs;
   std::vector<Curve> curves;

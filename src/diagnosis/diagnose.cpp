@@ -297,9 +297,7 @@ class Diagnoser {
     step(0.12, "ripples");
     ripples_ = find_ripples(campaign_, std::exp(plain_.fit.base(kLnRunIn)));
     // What the reference shows as strongly is not what sets the two apart.
-    std::erase_if(ripples_.lines, [&](const RippleLine& l) {
-      return std::any_of(relative_.known_lines.begin(), relative_.known_lines.end(), [&](const RippleLine& k) { return same_line(l, k) && l.relative < 2.0 * k.relative; });
-    });
+    std::erase_if(ripples_.lines, [&](const RippleLine& l) { return shown_by_reference(l, relative_); });
     for (const RippleLine& l : ripples_.lines)
       if (l.lock == Lock::wheel && l.order == 1 && l.channel_score[2] > 50) {
         model_.allow_eccentricity(l.amplitude[2], plain_.fit.base);
@@ -319,7 +317,7 @@ class Diagnoser {
 
  private:
   static Relative campaign_of(const recording::Recording& recording, const Options& options) {
-    if (!options.reference) return {reduce(recording), {}};
+    if (!options.reference) return {reduce(recording), {}, 0.0};
     options.progress.report(0.0, "reference");
     return relative_to(reduce(recording), reduce(*options.reference), options.threads);
   }

@@ -560,8 +560,13 @@ void Model::priors(const std::vector<FitParameter>& parameters, Eigen::VectorXd&
   // What is known of soils before any data: wide around the belief, for which the tests speak; the contact angles, which
   // no soil test gives, from the literature (a0 0.2 to 0.45 with negative outliers, a1 0.1 to 0.9 in published fits).
   deviation.head(kBaseCount) << 1.5, 0.4, 600.0, 0.12, 1.5, 0.15, 0.3, 0.3, 0.1, 0.15, 0.15;
-  mean(kA0) = 0.2;
-  mean(kA1) = 0.4;
+  if (campaign_->known_soil) {
+    // As means of a few beds of one soil differ: k and cohesion by a twentieth, friction angle by half a degree.
+    deviation.head(kA1 + 1) << 0.05, 0.02, 0.05 * b(kCohesion) + 5.0, 0.01, 0.15, 0.02, 0.03;
+  } else {
+    mean(kA0) = 0.2;
+    mean(kA1) = 0.4;
+  }
   for (std::size_t i = 0; i < parameters.size(); ++i) {
     mean(kBaseCount + static_cast<Eigen::Index>(i)) = parameters[i].prior_mean;
     deviation(kBaseCount + static_cast<Eigen::Index>(i)) = parameters[i].prior_deviation;

@@ -75,7 +75,8 @@ Relative relative_to(Campaign campaign, const Campaign& reference, int threads) 
   const std::vector<Left> left = left_by_condition(reference, model.predict({}, plain));
 
   Relative out;
-  out.known_lines = find_ripples(reference, std::exp(plain.base(kLnRunIn))).lines;
+  out.reference = reference;
+  out.run_in = std::exp(plain.base(kLnRunIn));
   Campaign& c = out.campaign;
   c = campaign;
   c.runs.clear();
@@ -129,7 +130,7 @@ Relative relative_to(Campaign campaign, const Campaign& reference, int threads) 
   for (std::size_t i = 0; i < curves.size(); ++i) c.curves[i].y = curves[i];
   c.believed = model.soil_of(plain.base);
   c.believed_angles = model.angles_of(plain.base);
-  c.complete_belief = true;
+  c.complete_belief = c.known_soil = true;
   c.remarks.push_back(fmt::format("beside '{}': its refitted soil is the belief, and what the plain model leaves of it is taken off", reference.title));
   if (alone) c.remarks.push_back(fmt::format("{} runs at conditions that the reference does not have were left out", alone));
   for (std::size_t ch = 0; ch < kChannels; ++ch)
@@ -137,15 +138,12 @@ Relative relative_to(Campaign campaign, const Campaign& reference, int threads) 
   return out;
 }
 
-bool same_line(const RippleLine& a, const RippleLine& b) {
-  if (a.lock != b.lock) return false;
-  const auto near = [](double x, double y) { return std::abs(x - y) <= 0.05 * std::max(std::abs(x), std::abs(y)); };
-  switch (a.lock) {
-    case Lock::wheel: return near(a.order, b.order);
-    case Lock::time: return near(a.frequency, b.frequency);
-    case Lock::travel:
-    case Lock::slip_path: return near(a.wavelength, b.wavelength);
-  }
+bool shown_by_reference(const RippleLine& line, const Relative& relative) {
+  if (relative.reference.runs.empty()) return false;
+  const RippleLine there = same_law(line, relative.reference, relative.run_in);
+  for (std::size_t ch = 0; ch < kChannels; ++ch)
+    if (line.amplitude[ch] > 0 && line.channel_score[ch] == *std::max_element(line.channel_score.begin(), line.channel_score.end()))
+      return there.amplitude[ch] >= 0.25 * line.amplitude[ch];
   return false;
 }
 

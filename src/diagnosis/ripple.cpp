@@ -9,7 +9,6 @@
 #include <numbers>
 
 #include "core/linear_algebra.h"
-#include "core/linear_algebra.h"
 #include "core/statistics.h"
 
 namespace terrode::diagnosis {
@@ -61,12 +60,17 @@ bool spectrum_of(const Campaign& c, const RunData& run, double run_in_length, Sp
     if (!whole) continue;
     if (ch == 1) out.rim_force = std::abs(y.mean()) / c.wheel.radius;
     y -= a * solve_symmetric(a.transpose() * a, a.transpose() * y);
+    // What wanders shows most at low rates however far the median looks around: an autoregressive process of the same variance
+    // and memory is background too.
+    const double variance = y.squaredNorm() / static_cast<double>(n);
+    const double memory = variance > 0 ? std::clamp(y.head(y.size() - 1).dot(y.tail(y.size() - 1)) / y.squaredNorm(), 0.0, 0.999) : 0.0;
     std::vector<double> padded(size, 0.0);
-    double window_sum = 0;
+    double window_sum = 0, window_squares = 0;
     for (std::size_t i = 0; i < n; ++i) {
       const double w = 0.5 - 0.5 * std::cos(2 * std::numbers::pi * (static_cast<double>(i) + 0.5) / static_cast<double>(n));
       padded[i] = w * y(static_cast<Eigen::Index>(i));
       window_sum += w;
+      window_squares += w * w;
     }
     gsl_fft_real_radix2_transform(padded.data(), 1, size);
     std::vector<double> power(size / 2);
@@ -84,7 +88,10 @@ bool spectrum_of(const Campaign& c, const RunData& run, double run_in_length, Sp
         level = median({power.begin() + lo, power.begin() + hi}) / std::numbers::ln2;
       }
       const auto e = static_cast<std::size_t>(i);
-      out.ratio[ch][e] = level > 0 ? power[e] / level : 0.0;
+      const double turn = 2.0 * std::numbers::pi * static_cast<double>(i) / static_cast<double>(size);
+      const double wander = window_squares * variance * (1.0 - memory * memory) / (1.0 - 2.0 * memory * std::cos(turn) + memory * memory);
+      const double background = std::max(level, wander);
+      out.ratio[ch][e] = background > 0 ? power[e] / background : 0.0;
       out.amplitude[ch][e] = 2.0 * std::sqrt(power[e]) / window_sum;
     }
     any = true;
@@ -92,9 +99,21 @@ bool spectrum_of(const Campaign& c, const RunData& run, double run_in_length, Sp
   return any;
 }
 
+// A line must repeat so often within a run: fewer periods are a trend as well. Waves of a bed are long.
+double fewest_periods(Lock lock) { return lock == Lock::travel ? 2.0 : 4.0; }
+
+std::vector<Spectrum> spectra_of(const Campaign& campaign, double run_in_length) {
+  std::vector<Spectrum> out;
+  for (const RunData& run : campaign.runs) {
+    Spectrum s;
+    if (spectrum_of(campaign, run, run_in_length, s)) out.push_back(std::move(s));
+  }
+  return out;
+}
+
 // Largest value near a frequency; -1 where it is out of the run's band.
-double near_max(const Spectrum& s, const std::vector<double>& v, double f, double tolerance) {
-  if (v.empty() || f < 2.0 * s.resolution || f > 0.9 * s.top) return -1;
+double near_max(const Spectrum& s, const std::vector<double>& v, double f, double tolerance, double fewest) {
+  if (v.empty() || f < fewest * s.resolution || f > 0.9 * s.top) return -1;
   const double width = std::max(0.5 * s.resolution, tolerance * f);
   const auto lo = static_cast<std::size_t>(std::max(0.0, std::floor((f - width) / s.step)));
   const auto hi = std::min(v.size() - 1, static_cast<std::size_t>(std::ceil((f + width) / s.step)));
@@ -125,14 +144,14 @@ void judge(RippleLine& line, const std::vector<Spectrum>& spectra) {
   std::array<std::vector<double>, kChannels> amplitudes, ratios;
   std::vector<double> relative;
   for (const Spectrum& s : spectra) {
-    const double f = frequency_in(line, s), tol = tolerance_of(line.lock);
+    const double f = frequency_in(line, s), tol = tolerance_of(line.lock), fewest = fewest_periods(line.lock);
     double sum = 0;
     int n = 0;
     for (std::size_t ch = 0; ch < kChannels; ++ch) {
-      const double r = near_max(s, s.ratio[ch], f, tol);
+      const double r = near_max(s, s.ratio[ch], f, tol, fewest);
       if (r < 0) continue;
       ratios[ch].push_back(r);
-      amplitudes[ch].push_back(near_max(s, s.amplitude[ch], f, tol));
+      amplitudes[ch].push_back(near_max(s, s.amplitude[ch], f, tol, fewest));
       sum = std::max(sum, r);
       ++n;
       if (ch == 0 && s.rim_force > 0) relative.push_back(amplitudes[0].back() / s.rim_force);
@@ -218,13 +237,15 @@ const char* lock_name(Lock lock) {
   return "";
 }
 
+RippleLine same_law(const RippleLine& line, const Campaign& campaign, double run_in_length) {
+  RippleLine out = line;
+  judge(out, spectra_of(campaign, run_in_length));
+  return out;
+}
+
 RippleSearch find_ripples(const Campaign& campaign, double run_in_length) {
   RippleSearch out;
-  std::vector<Spectrum> spectra;
-  for (const RunData& run : campaign.runs) {
-    Spectrum s;
-    if (spectrum_of(campaign, run, run_in_length, s)) spectra.push_back(std::move(s));
-  }
+  const std::vector<Spectrum> spectra = spectra_of(campaign, run_in_length);
   out.runs = static_cast<int>(spectra.size());
   if (spectra.size() < 3) return out;
   double top = 0;

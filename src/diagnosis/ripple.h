@@ -39,4 +39,7 @@ struct RippleSearch {
 // Searches all runs with at least 64 samples. Deterministic.
 RippleSearch find_ripples(const Campaign& campaign, double run_in_length);
 
+// The law of `line` as another campaign shows it, significant or not: amplitudes, scores, `relative`; all 0 where its runs are too short.
+RippleLine same_law(const RippleLine& line, const Campaign& campaign, double run_in_length);
+
 }  // namespace terrode::diagnosis

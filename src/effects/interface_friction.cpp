@@ -9,7 +9,7 @@ namespace {
 
 std::vector<Start> starts(const Surroundings& at) {
   std::vector<Start> out;
-  for (const double share : {0.95, 0.8}) out.push_back({{"delta", std::atan(share * std::tan(at.friction_angle))}, {"adhesion", 0.0}});
+  for (const double share : {0.95, 0.8, 0.5}) out.push_back({{"delta", std::atan(share * std::tan(at.friction_angle))}, {"adhesion", 0.0}});
   return out;
 }
 
