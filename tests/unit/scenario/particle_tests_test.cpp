@@ -72,6 +72,22 @@ TEST(ParticleTests, WritesWhatItReads) {
   EXPECT_TRUE(keys["direct_shear"]["properties"].contains("normal_stress"));
 }
 
+// A bed that settled with little friction must dilate to be sheared: it is several times as stiff.
+TEST(ParticleTests, ABedThatSettledSmoothIsSheared) {
+  const auto cache = fs::temp_directory_path() / ("terrode_dense_tests_" + std::to_string(::getpid()));
+  ::setenv("TERRODE_CACHE", cache.c_str(), 1);
+  ParticleTests t = parse_particle_tests(small, "f.yaml");
+  t.repeats = 1;
+  const double loose = run_particle_tests(t, {}, 1, {}, {}).front().y.back();
+  t.grains.settling_friction = 0.05;
+  t.grains.settling_rolling_friction = 0.0;
+  const ParticleTests written = parse_particle_tests(to_yaml(t), "g.yaml");
+  const double dense = run_particle_tests(written, {}, 1, {}, {}).front().y.back();
+  EXPECT_GT(loose, 0.0);
+  EXPECT_GT(dense, 3.0 * loose);
+  fs::remove_all(cache);
+}
+
 TEST(ParticleTests, SaysWhatIsWrongAndWhere) {
   EXPECT_THAT(problem_of("particle_tests: {}"), HasSubstr("holds no test"));
   EXPECT_THAT(problem_of("particle_tests:\n  direct_shear:\n    rates: 1\n"), HasSubstr("f.yaml:3:5: particle_tests.direct_shear.rates"));
