@@ -225,7 +225,7 @@ std::string LiggghtsTerrain::settings(const std::string& bed, bool again) const 
   };
   add("atom_style granular");
   add("atom_modify map array");
-  add("boundary f p f");
+  add("boundary m p m");  // at least what the bed names, and as far as a grain may fly
   add("newton off");
   add("communicate single vel yes");
   add("units si");
