@@ -152,16 +152,22 @@ void Engine::forget() {
   command("clear");
 }
 
-void Engine::set_moving(double from, double to, double side, double width) {
+void Engine::set_moving(const MovingPart& part) {
   open();
   const int n = *static_cast<int*>(lammps_extract_global(lammps_, "nlocal"));
   auto* mask = static_cast<int*>(lammps_extract_atom(lammps_, "mask"));
   auto** x = static_cast<double**>(lammps_extract_atom(lammps_, "x"));
   auto** v = static_cast<double**>(lammps_extract_atom(lammps_, "v"));
   auto** w = static_cast<double**>(lammps_extract_atom(lammps_, "omega"));
+  auto* radius = static_cast<double*>(lammps_extract_atom(lammps_, "radius"));
+  const auto near_an_axis = [&](int i) {
+    for (const MovingPart::Axis& a : part.axes)
+      if (std::hypot(x[i][0] - a.x, x[i][2] - a.z) < a.reach + radius[i]) return true;
+    return false;
+  };
   for (int i = 0; i < n; ++i) {
-    const double y = x[i][1] - width * std::nearbyint(x[i][1] / width);
-    if (x[i][0] >= from && x[i][0] < to && std::abs(y) <= side) {
+    const double y = x[i][1] - part.width * std::nearbyint(x[i][1] / part.width);
+    if (std::abs(y) <= part.side && ((x[i][0] >= part.from && x[i][0] < part.to) || near_an_axis(i))) {
       mask[i] = (mask[i] | moving_bit) & ~standing_bit;
       continue;
     }
