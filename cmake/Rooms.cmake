@@ -73,6 +73,10 @@ function(terrode_add_tests)
   string(REPLACE ";" " " arrows "${arrows}")
   set_source_files_properties(${PROJECT_SOURCE_DIR}/tests/unit/core/architecture_test.cpp PROPERTIES
     COMPILE_DEFINITIONS "TERRODE_ARROWS=\"${arrows}\"")
+  if(TERRODE_LIGGGHTS_FOUND)
+    set_source_files_properties(${PROJECT_SOURCE_DIR}/tests/crosscheck/liggghts/ground_test.cpp PROPERTIES
+      COMPILE_DEFINITIONS TERRODE_LIGGGHTS)
+  endif()
 endfunction()
 
 function(terrode_test_program target sources labels room)

@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <optional>
 #include <sstream>
 
 #include "core/problem.h"
@@ -24,6 +25,32 @@ int spoken = -1;      // its file in memory
 struct Inside {
   Inside() { inside = true; }
   ~Inside() { inside = false; }
+};
+
+// Standard output and error go nowhere meanwhile.
+class Hushed {
+ public:
+  Hushed() {
+    std::fflush(nullptr);
+    const int nowhere = ::open("/dev/null", O_WRONLY | O_CLOEXEC);
+    for (const int stream : {1, 2}) {
+      kept_[stream - 1] = fcntl(stream, F_DUPFD_CLOEXEC, 3);
+      dup2(nowhere, stream);
+    }
+    close(nowhere);
+  }
+  ~Hushed() {
+    std::fflush(nullptr);
+    for (const int stream : {1, 2}) {
+      dup2(kept_[stream - 1], stream);
+      close(kept_[stream - 1]);
+    }
+  }
+  Hushed(const Hushed&) = delete;
+  Hushed& operator=(const Hushed&) = delete;
+
+ private:
+  int kept_[2] = {-1, -1};
 };
 
 // The last error that it wrote, without the place in its source.
@@ -89,34 +116,13 @@ void Engine::open() {
   spoken = screen_;
   std::string name = "liggghts", log = "-log", none = "none", screen = "-screen", file = fmt::format("/proc/self/fd/{}", screen_);
   char* arguments[] = {name.data(), log.data(), none.data(), screen.data(), file.data()};
-  // Opened a second time it warns of every style that it knows already.
-  int kept[2] = {-1, -1};
-  if (again) {
-    std::fflush(nullptr);
-    const int nowhere = ::open("/dev/null", O_WRONLY | O_CLOEXEC);
-    for (const int stream : {1, 2}) {
-      kept[stream - 1] = fcntl(stream, F_DUPFD_CLOEXEC, 3);
-      dup2(nowhere, stream);
-    }
-    close(nowhere);
-  }
-  const auto give_back = [&] {
-    if (!again) return;
-    std::fflush(nullptr);
-    for (const int stream : {1, 2}) {
-      dup2(kept[stream - 1], stream);
-      close(kept[stream - 1]);
-    }
-  };
-  try {
+  dead_ = true;
+  {
+    std::optional<Hushed> hushed;
+    if (again) hushed.emplace();  // opened a second time it warns of every style that it knows already
     const Inside guard;
     lammps_open(5, arguments, MPI_COMM_WORLD, &lammps_);
-  } catch (...) {
-    give_back();
-    dead_ = true;
-    throw;
   }
-  give_back();
   dead_ = false;
 }
 
@@ -133,8 +139,12 @@ void Engine::command(const char* line) {
 void Engine::commands(const std::string& lines) {
   open();
   std::istringstream in(lines);
-  for (std::string line; std::getline(in, line);)
-    if (!line.empty()) command(line.c_str());
+  for (std::string line; std::getline(in, line);) {
+    if (line.empty()) continue;
+    std::optional<Hushed> hushed;
+    if (line.starts_with("read_restart")) hushed.emplace();  // says a version on standard output
+    command(line.c_str());
+  }
 }
 
 void Engine::forget() {
@@ -142,16 +152,22 @@ void Engine::forget() {
   command("clear");
 }
 
-void Engine::set_moving(double from, double to, double side, double width) {
+void Engine::set_moving(const MovingPart& part) {
   open();
   const int n = *static_cast<int*>(lammps_extract_global(lammps_, "nlocal"));
   auto* mask = static_cast<int*>(lammps_extract_atom(lammps_, "mask"));
   auto** x = static_cast<double**>(lammps_extract_atom(lammps_, "x"));
   auto** v = static_cast<double**>(lammps_extract_atom(lammps_, "v"));
   auto** w = static_cast<double**>(lammps_extract_atom(lammps_, "omega"));
+  auto* radius = static_cast<double*>(lammps_extract_atom(lammps_, "radius"));
+  const auto near_an_axis = [&](int i) {
+    for (const MovingPart::Axis& a : part.axes)
+      if (std::hypot(x[i][0] - a.x, x[i][2] - a.z) < a.reach + radius[i]) return true;
+    return false;
+  };
   for (int i = 0; i < n; ++i) {
-    const double y = x[i][1] - width * std::nearbyint(x[i][1] / width);
-    if (x[i][0] >= from && x[i][0] < to && std::abs(y) <= side) {
+    const double y = x[i][1] - part.width * std::nearbyint(x[i][1] / part.width);
+    if (std::abs(y) <= part.side && ((x[i][0] >= part.from && x[i][0] < part.to) || near_an_axis(i))) {
       mask[i] = (mask[i] | moving_bit) & ~standing_bit;
       continue;
     }

@@ -19,6 +19,16 @@ struct BodyMotion {
   double centre[3], reach;
 };
 
+// Where grains move: from <= x < to [m] and |y| <= side [m], periodic along y over `width`; and, however far out they are
+// along x, within `reach` and their own radius of an axis along y through x, z.
+struct MovingPart {
+  double from, to, side, width;
+  struct Axis {
+    double x, z, reach;
+  };
+  std::vector<Axis> axes;
+};
+
 class Engine {
  public:
   ~Engine();
@@ -28,8 +38,8 @@ class Engine {
   void forget();
   // Numbers of the group of grains that move and of those that stand still, as input lines make them.
   static constexpr int moving_bit = 1 << 1, standing_bit = 1 << 2;
-  // Grains at from <= x < to [m] and |y| <= side [m], periodic along y over `width`, move from now on; the others stand.
-  void set_moving(double from, double to, double side, double width);
+  // Those grains move from now on, and the others stand.
+  void set_moving(const MovingPart& part);
   // `steps` time steps with the bodies moving so. Seven numbers a body: the sum over the steps of force [N] and of moment
   // about the body's origin [N m], and how many grains touch it at the end; then how many grains there are. Known on every
   // rank.

@@ -87,6 +87,12 @@ std::string read(const std::string& path) {
   return text;
 }
 
+// Of the circle about body y that nothing of the body lies beyond.
+double outer_radius(const wheel::Body& body) {
+  const wheel::Rolling* rim = body.rolling();
+  return rim ? rim->outer : body.bounding_radius();
+}
+
 class LiggghtsTerrain final : public terrain::Terrain, public terrain::ParticleView {
  public:
   explicit LiggghtsTerrain(LiggghtsParams params);
@@ -125,6 +131,12 @@ class LiggghtsTerrain final : public terrain::Terrain, public terrain::ParticleV
   long tile_of(double x) const { return static_cast<long>(std::floor(x / params_.bed.prism.width)); }
   bool full() const { return params_.bed.full_length > 0.0; }
   void advance();
+  double half_chord() const;
+  // A prism that is long along the travel thaws and freezes in stretches about as long as it is wide [m].
+  double stretch() const {
+    const dem::Bed& prism = params_.bed.prism;
+    return prism.width / static_cast<double>(std::max(1L, std::lround(prism.width / prism.length)));
+  }
   void lay();
   void move_window();
   std::string settings(const std::string& bed, bool again) const;
@@ -141,7 +153,8 @@ class LiggghtsTerrain final : public terrain::Terrain, public terrain::ParticleV
   double step_length_ = 0.0;
   double from_ = 0.0, to_ = 0.0;                // m along x that is laid
   std::size_t count_ = 0;                       // grains
-  long free_from_ = 0, free_to_ = -1;           // tiles that move
+  long free_from_ = 0, free_to_ = -1;           // stretches that move
+  double half_chord_ = 0.0;                     // m, of the bodies at the surface: the window is never shorter
   double engine_step_ = 0.0;                    // s, as LIGGGHTS has it
   mutable std::optional<Grains> grains_;        // as they are now
 };
@@ -213,6 +226,7 @@ terrain::ContactResult LiggghtsTerrain::wrench(terrain::BodyId body, const Pose&
 void LiggghtsTerrain::end_step() {
   if (!in_step_) throw RunError("no step to end");
   if (!computed_) advance();
+  half_chord_ = half_chord();
   in_step_ = false;
 }
 
@@ -225,7 +239,7 @@ std::string LiggghtsTerrain::settings(const std::string& bed, bool again) const 
   };
   add("atom_style granular");
   add("atom_modify map array");
-  add("boundary f p f");
+  add("boundary m p m");  // at least what the bed names, and as far as a grain may fly
   add("newton off");
   add("communicate single vel yes");
   add("units si");
@@ -284,9 +298,11 @@ void LiggghtsTerrain::lay() {
     start = -p.full_behind;
     tiles = static_cast<long>(std::ceil(p.full_length / length - 1e-9));
   } else {
-    const long first = tile_of(-params_.reach_behind - p.window_behind) - 1;
+    double widest = 0.0;
+    for (const Touching& b : bodies_) widest = std::max(widest, outer_radius(*b.shape) + 2.0 * largest_);
+    const long first = tile_of(-params_.reach_behind - std::max(p.window_behind, widest)) - 1;
     start = static_cast<double>(first) * length;
-    tiles = tile_of(params_.reach_ahead + p.window_ahead) + 2 - first;
+    tiles = tile_of(params_.reach_ahead + std::max(p.window_ahead, widest)) + 2 - first;
   }
   from_ = start;
   to_ = start + static_cast<double>(tiles) * length;
@@ -321,6 +337,17 @@ void LiggghtsTerrain::lay() {
   engine_step_ = 0.0;
 }
 
+// Half of what a grain's height above the surface cuts out of the circles that hold the bodies, at the deepest so far.
+double LiggghtsTerrain::half_chord() const {
+  double out = half_chord_;
+  for (const Touching& b : bodies_) {
+    if (!b.announced) continue;
+    const double radius = outer_radius(*b.shape), above = b.pose.p_W.z() - 2.0 * largest_;
+    if (std::abs(above) < radius) out = std::max(out, above > 0.0 ? std::sqrt(radius * radius - above * above) : radius);
+  }
+  return out;
+}
+
 // Lets the grains move that a window about the bodies holds, or all but the border of a full bed.
 void LiggghtsTerrain::move_window() {
   const dem::DemTerrainParams& p = params_.bed;
@@ -340,17 +367,23 @@ void LiggghtsTerrain::move_window() {
   Workers& workers = Workers::instance();
   if (full()) {
     if (!first) return;
-    workers.set_moving(from_ + p.border, to_ - p.border, p.border > 0.0 ? 0.5 * width() - p.border : width(), width());
+    workers.set_moving({from_ + p.border, to_ - p.border, p.border > 0.0 ? 0.5 * width() - p.border : width(), width(), {}});
     free_from_ = 0, free_to_ = 0;
     engine_step_ = 0.0;
     return;
   }
-  const long need_from = any ? tile_of(from - p.window_behind) : first ? 0 : free_from_;
-  const long need_to = any ? tile_of(to + p.window_ahead) : first ? 0 : free_to_;
+  const double chord = half_chord();
+  const auto stretch_of = [this](double x) { return static_cast<long>(std::floor(x / stretch())); };
+  const long need_from = any ? stretch_of(from - std::max(p.window_behind, chord)) : first ? 0 : free_from_;
+  const long need_to = any ? stretch_of(to + std::max(p.window_ahead, chord)) : first ? 0 : free_to_;
   if (!first && need_from == free_from_ && need_to == free_to_) return;
   free_from_ = need_from;
   free_to_ = need_to;
-  workers.set_moving(static_cast<double>(free_from_) * p.prism.width, static_cast<double>(free_to_ + 1) * p.prism.width, width(), width());
+  MovingPart part{static_cast<double>(free_from_) * stretch(), static_cast<double>(free_to_ + 1) * stretch(), width(), width(), {}};
+  // A grain that a body may touch before the window moves on stays free: standing, it would be like a rock.
+  for (const Touching& b : bodies_)
+    if (b.announced) part.axes.push_back({b.pose.p_W.x(), b.pose.p_W.z(), outer_radius(*b.shape) + 2.0 * largest_});
+  workers.set_moving(part);
   engine_step_ = 0.0;
 }
 
@@ -465,7 +498,7 @@ void LiggghtsTerrain::particles(std::vector<float>& position, std::vector<float>
 std::vector<std::uint8_t> LiggghtsTerrain::snapshot() const {
   if (in_step_) throw RunError("a snapshot within a step");
   std::vector<double> own = {lease_ ? 1.0 : 0.0, from_, to_, static_cast<double>(count_), static_cast<double>(free_from_),
-                             static_cast<double>(free_to_), static_cast<double>(bodies_.size())};
+                             static_cast<double>(free_to_), static_cast<double>(bodies_.size()), half_chord_};
   for (const Touching& b : bodies_) {
     own.insert(own.end(), b.at.p_W.data(), b.at.p_W.data() + 3);
     own.insert(own.end(), b.at.R_WB.coeffs().data(), b.at.R_WB.coeffs().data() + 4);
@@ -484,7 +517,7 @@ std::vector<std::uint8_t> LiggghtsTerrain::snapshot() const {
 
 void LiggghtsTerrain::restore(std::span<const std::uint8_t> bytes) {
   if (in_step_) throw RunError("a restore within a step");
-  std::vector<double> own(7 + 7 * bodies_.size());
+  std::vector<double> own(8 + 7 * bodies_.size());
   const std::size_t head = own.size() * sizeof(double);
   const auto wrong = [] { return InputError(Problem{{}, 0, 0, "ground", "is not a saved state of these bodies on LIGGGHTS", {}}); };
   if (bytes.size() < head) throw wrong();
@@ -497,13 +530,15 @@ void LiggghtsTerrain::restore(std::span<const std::uint8_t> bytes) {
   if (!laid) {
     lease_.reset();
     free_from_ = 0, free_to_ = -1;
+    half_chord_ = 0.0;
     return;
   }
   from_ = own[1], to_ = own[2];
   count_ = static_cast<std::size_t>(own[3]);
   free_from_ = static_cast<long>(own[4]), free_to_ = static_cast<long>(own[5]);
+  half_chord_ = own[7];
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
-    const double* n = &own[7 + 7 * b];
+    const double* n = &own[8 + 7 * b];
     bodies_[b].at = {Vec3(n[0], n[1], n[2]), Quat(n[6], n[3], n[4], n[5])};
   }
   if (!lease_) lease_.emplace();

@@ -52,7 +52,9 @@ std::vector<double> obey(Order order, std::span<const char> data) {
       break;
     case Order::set_moving: {
       const std::vector<double> n = numbers(data);
-      engine->set_moving(n.at(0), n.at(1), n.at(2), n.at(3));
+      MovingPart part{n.at(0), n.at(1), n.at(2), n.at(3), {}};
+      for (std::size_t k = 4; k + 2 < n.size(); k += 3) part.axes.push_back({n[k], n[k + 1], n[k + 2]});
+      engine->set_moving(part);
       break;
     }
     case Order::run: {
@@ -177,9 +179,10 @@ void Workers::commands(const std::string& lines) { perform(Order::commands, line
 
 void Workers::forget() { perform(Order::forget, {}); }
 
-void Workers::set_moving(double from, double to, double side, double width) {
-  const double n[] = {from, to, side, width};
-  perform(Order::set_moving, {reinterpret_cast<const char*>(n), sizeof n});
+void Workers::set_moving(const MovingPart& part) {
+  std::vector<double> n = {part.from, part.to, part.side, part.width};
+  for (const MovingPart::Axis& a : part.axes) n.insert(n.end(), {a.x, a.z, a.reach});
+  perform(Order::set_moving, {reinterpret_cast<const char*>(n.data()), n.size() * sizeof(double)});
 }
 
 std::vector<double> Workers::run(long steps, const std::vector<BodyMotion>& bodies) {

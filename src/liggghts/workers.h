@@ -21,7 +21,7 @@ class Workers {
   // What Engine does, on every rank. Throws RunError with LIGGGHTS's message where it gives up.
   void commands(const std::string& lines);
   void forget();
-  void set_moving(double from, double to, double side, double width);
+  void set_moving(const MovingPart& part);
   std::vector<double> run(long steps, const std::vector<BodyMotion>& bodies);
   std::vector<double> grains();
 

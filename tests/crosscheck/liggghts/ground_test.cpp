@@ -1,36 +1,20 @@
 // The ground on LIGGGHTS against our own particles: the same grains, the same wheel, the same motion. Skipped where this
 // build has no LIGGGHTS.
-#include "liggghts/liggghts_terrain.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <vector>
 
-#include "../../unit/dem/small_ground.h"
-#include "liggghts/ranks.h"
+#include "same_motion.h"
 #include "terrain/particle_view.h"
+#include "wheel/convex.h"
+#ifdef TERRODE_LIGGGHTS
+#include "liggghts/workers.h"
+#endif
 
 namespace terrode::liggghts {
 namespace {
-
-#define SKIP_WITHOUT_LIGGGHTS() \
-  if (!available()) GTEST_SKIP() << "this build has no LIGGGHTS (libliggghts-dev and libopenmpi-dev)"
-
-// A law that both express to the letter.
-LiggghtsParams same_law(dem::DemTerrainParams bed) {
-  bed.soil.rolling = bed.wheel.rolling = "epsd2_unprojected";
-  bed.soil.friction = bed.wheel.friction = 0.5;
-  bed.soil.rolling_friction = 0.2;
-  bed.wheel.rolling_friction = 0.0;
-  bed.time_step = 1e-5;
-  LiggghtsParams p;
-  p.bed = std::move(bed);
-  p.reach_behind = 0.0;
-  p.reach_ahead = 0.03;
-  return p;
-}
 
 struct Grains {
   std::vector<float> position, radius;
@@ -91,56 +75,9 @@ TEST(LiggghtsGround, FallingGrainsMeetAsOurOwnDo) {
   EXPECT_NEAR(theirs->height(0.014, 0.0), ours.height(0.014, 0.0), 1e-6);
 }
 
-struct Phases {
-  double first = 0.0;          // N: the force of the first grain that is met, summed over steps
-  Vec3 pressed, held, rolled;  // N: mean force while the rim goes from 4 to 8 mm deep, held there, rolling and sinking on
-  double torque = 0.0;         // N m, mean about the axle while rolling
-  int contacts = 0;
-};
-
-// Pushes the wheel in, holds it, lets it roll at slip 0.3.
-Phases drive(terrain::Terrain& ground) {
-  ground.add_body(dem::small_wheel());
-  Pose pose = dem::at(0.0, 0.04 + ground.roughness());
-  Phases out;
-  out.pressed = out.held = out.rolled = Vec3::Zero();
-  double angle = 0.0;
-  Vec3 rest = Vec3::Zero();
-  double no = 0.0;
-  const auto steps = [&](int n, double vx, double vz, double spin, Vec3& mean, double& torque) {
-    for (int k = 0; k < n; ++k) {
-      Twist t;
-      t.v_W = Vec3(vx, 0, vz);
-      t.w_W = Vec3(0, spin, 0);
-      ground.begin_step(0, dem::h);
-      const auto r = ground.wrench(0, pose, t);
-      ground.end_step();
-      mean += r.wrench.F_W / n;
-      torque += -r.wrench.M_W.y() / n;
-      out.contacts = std::max(out.contacts, r.contact_count);
-      angle += spin * dem::h;
-      pose = dem::at(pose.p_W.x() + vx * dem::h, pose.p_W.z() + vz * dem::h, angle);
-    }
-  };
-  const double down = 0.2;
-  while (pose.p_W.z() > 0.036) steps(1, 0, -down, 0, rest, no);
-  steps(40, 0, -down, 0, out.pressed, no);
-  steps(20, 0, 0, 0, rest, no);
-  steps(20, 0, 0, 0, out.held, no);
-  const double spin = 5.0, v = 0.7 * spin * 0.04;
-  const double sinks = 0.04;  // held at its height it would roll out of what it pressed down
-  steps(10, v, -sinks, spin, rest, no);
-  steps(60, v, -sinks, spin, out.rolled, out.torque);
-  return out;
-}
-
 TEST(LiggghtsGround, AWheelFeelsWhatItFeelsOnOurOwnParticles) {
   SKIP_WITHOUT_LIGGGHTS();
-  dem::DemTerrainParams bed = dem::params();
-  bed.window_ahead = bed.window_behind = 0.03;
-  LiggghtsParams p = same_law(bed);
-  p.bed.time_step = 1.5e-5;
-  p.reach_ahead = 0.01;
+  const LiggghtsParams p = small_ground(0.01);
   Phases a, b;
   {
     const auto theirs = make_terrain(p);
@@ -150,16 +87,84 @@ TEST(LiggghtsGround, AWheelFeelsWhatItFeelsOnOurOwnParticles) {
     dem::DemTerrain ours(p.bed);
     b = drive(ours);
   }
-  const auto say = [](const char* who, const Phases& f) {
-    std::printf("%s pressed %.4f held %.4f rolled %.4f %.4f torque %.5f contacts %d\n", who, f.pressed.z(), f.held.z(), f.rolled.z(), f.rolled.x(), f.torque, f.contacts);
-  };
-  say("theirs", a);
-  say("ours  ", b);
-  EXPECT_GT(b.contacts, 5);
-  EXPECT_GT(b.pressed.z(), 1.0);
-  EXPECT_NEAR(a.pressed.z() / b.pressed.z(), 1.0, 0.05);
-  EXPECT_NEAR(a.held.z() / b.held.z(), 1.0, 0.15);
-  EXPECT_NEAR(a.rolled.z() / b.rolled.z(), 1.0, 0.25);
+  // Of one place alone: such forces differ between places by a quarter (ground_long_test.cpp has six).
+  constexpr double scatter = 0.25;
+  EXPECT_GT(b.pressed.z(), 10.0);
+  EXPECT_NEAR(a.pressed.z() / b.pressed.z(), 1.0, scatter);
+  EXPECT_NEAR(a.held.z() / b.held.z(), 1.0, scatter);
+  EXPECT_NEAR(static_cast<double>(a.contacts) / b.contacts, 1.0, scatter);
+  EXPECT_GT(a.torque, 0.0);
+  EXPECT_GT(a.rolled.z(), 1.0);
+}
+
+// A wheel pushed into the grains and held there; the mean force of steps `from` to `to` of all that.
+double push_and_hold(terrain::Terrain& ground, int from, int to) {
+  constexpr int down = 60;
+  double force = 0.0;
+  for (int k = from; k < to; ++k) {
+    Twist t;
+    t.v_W = Vec3(0, 0, k < down ? -0.2 : 0.0);
+    ground.begin_step(0, dem::h);
+    force += ground.wrench(0, dem::at(0, 0.04 + ground.roughness() - 0.2 * std::min(k, down) * dem::h), t).wrench.F_W.z() / (to - from);
+    ground.end_step();
+  }
+  return force;
+}
+
+TEST(LiggghtsGround, AFreshGroundGoesOnFromASnapshot) {
+  SKIP_WITHOUT_LIGGGHTS();
+  const LiggghtsParams p = small_ground(0.0);
+  std::vector<std::uint8_t> saved;
+  double straight = 0.0;
+  Grains before;
+  {
+    const auto ground = make_terrain(p);
+    ground->add_body(dem::small_wheel());
+    push_and_hold(*ground, 0, 75);
+    saved = ground->snapshot();
+    before = grains_of(*ground);
+    straight = push_and_hold(*ground, 75, 80);
+  }
+  const auto fresh = make_terrain(p);
+  fresh->add_body(dem::small_wheel());
+  fresh->restore(saved);
+  EXPECT_EQ(grains_of(*fresh).position, before.position);
+  EXPECT_GT(straight, 0.5);
+  // What is left of the history of contacts would be wrong by tens of percent; a first half step set up anew is not.
+  EXPECT_NEAR(push_and_hold(*fresh, 75, 80), straight, 0.02 * straight);
+  saved.resize(20);
+  EXPECT_THROW(fresh->restore(saved), InputError);
+}
+
+TEST(LiggghtsGround, MisuseAndFailuresAreRefusedAndLeaveTheNextGroundWhole) {
+  SKIP_WITHOUT_LIGGGHTS();
+  LiggghtsParams p = small_ground(0.01);
+  {
+    const auto ground = make_terrain(p);
+    ground->add_body(dem::small_wheel());
+    EXPECT_THROW(ground->add_body(wheel::make_box(0.1, 0.1, 0.1)), InputError);
+    ground->begin_step(0, dem::h);
+    ground->wrench(0, dem::at(0, 0.1), {});
+    ground->wrench(0, dem::at(0, 0.1), {});  // the same trial again
+    EXPECT_THAT([&] { ground->wrench(0, dem::at(0, 0.09), {}); }, ::testing::ThrowsMessage<RunError>(::testing::HasSubstr("a second trial")));
+    ground->end_step();
+    const auto other = make_terrain(p);
+    other->begin_step(0, dem::h);
+    EXPECT_THAT([&] { other->end_step(); }, ::testing::ThrowsMessage<RunError>(::testing::HasSubstr("one ground at a time")));
+    ground->begin_step(0, dem::h);
+    EXPECT_THAT([&] { ground->wrench(0, dem::at(0.02, 0.1), {}); }, ::testing::ThrowsMessage<RunError>(::testing::HasSubstr("beyond the bed")));
+  }
+#ifdef TERRODE_LIGGGHTS
+  EXPECT_THAT([] { Workers::instance().commands("no_such_command at all"); },
+              ::testing::ThrowsMessage<RunError>("LIGGGHTS: Unknown command: no_such_command at all"));
+#endif
+  const auto next = make_terrain(p);
+  next->add_body(dem::small_wheel());
+  next->begin_step(0, dem::h);
+  EXPECT_EQ(next->wrench(0, dem::at(0, 0.1), {}).contact_count, 0);
+  next->end_step();
+  p.bed.time_step = 1.0;
+  EXPECT_THROW(make_terrain(p), InputError);
 }
 
 }  // namespace

@@ -47,7 +47,7 @@ class MpiProgram : public ::testing::Test {
                                      "soil: {bulk_density: 1600 kg/m^3, bekker: {cohesion: 0, friction_angle: 30 deg, shear_modulus: 10 mm, n: 1, "
                                      "k: 10 kPa, plate_width: 50 mm}}\n"
                                      "rig: {normal_load: 20 N, angular_velocity: 1 rad/s, slip: 0.3, travel: 3 mm, ramp: 0.02 s}\n"
-                                     "particles: {smallest: 9 mm, largest: 11 mm, prism: 40 mm, depth: 45 mm, time_step_fraction: 0.25, friction: 0.5, "
+                                     "particles: {smallest: 9 mm, largest: 11 mm, prism: 40 mm, depth: 45 mm, time_step_fraction: 0.25, young_modulus: 5 MPa, friction: 0.5, "
                                      "rolling_friction: 0.2, "
                                   << particles << "}\n";
   }
