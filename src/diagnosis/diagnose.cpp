@@ -31,6 +31,9 @@ bool pull_alone(const RippleLine& l) { return l.channel_score[0] > 15 && l.chann
 // about one percent (Shikanai et al. 2000 call it small); a cause is named from twice that.
 constexpr double kNaturalRipple = 0.018;
 
+// Within runs as rough as this (grains under a small wheel: a fifth) the ripple of lugs, a tenth, can hide.
+constexpr double kRough = 0.15;
+
 // A law leaves over about a tenth of what it changes when nature follows another published form of it; squared. What a
 // rig or a sensor does to a reading is known better.
 constexpr double kFormError = 0.01, kReadingError = 0.002;
@@ -80,7 +83,8 @@ std::vector<std::vector<Hypothesis>> listed(const Model& model, const Options& o
   for (const Condition& q : c.conditions) {
     highest_pass = std::max(highest_pass, q.pass);
   }
-  effects::Surroundings at{c.wheel.radius, c.believed.friction_angle, static_cast<double>(c.known_grousers), ripples.runs >= 3};
+  effects::Surroundings at{c.wheel.radius, c.believed.friction_angle, static_cast<double>(c.known_grousers),
+                           ripples.runs >= 3 && ripples.roughness < kRough};
   for (const RippleLine& l : ripples.lines)
     if (l.lock == Lock::wheel && l.order >= 4) at.lugs = l.order;
   std::vector<std::vector<Hypothesis>> out;

@@ -19,7 +19,7 @@ struct Spectrum {
   double step = 0, top = 0, resolution = 0;  // Hz
   std::array<std::vector<double>, kChannels> ratio, amplitude;
   const Condition* condition = nullptr;
-  double rim_speed = 0, rim_force = 0;
+  double rim_speed = 0, rim_force = 0, pull_deviation = 0;
 };
 
 bool spectrum_of(const Campaign& c, const RunData& run, double run_in_length, Spectrum& out) {
@@ -60,6 +60,7 @@ bool spectrum_of(const Campaign& c, const RunData& run, double run_in_length, Sp
     if (!whole) continue;
     if (ch == 1) out.rim_force = std::abs(y.mean()) / c.wheel.radius;
     y -= a * solve_symmetric(a.transpose() * a, a.transpose() * y);
+    if (ch == 0) out.pull_deviation = std::sqrt(y.squaredNorm() / static_cast<double>(n));
     // What wanders shows most at low rates however far the median looks around: an autoregressive process of the same variance
     // and memory is background too.
     const double variance = y.squaredNorm() / static_cast<double>(n);
@@ -247,6 +248,10 @@ RippleSearch find_ripples(const Campaign& campaign, double run_in_length) {
   RippleSearch out;
   const std::vector<Spectrum> spectra = spectra_of(campaign, run_in_length);
   out.runs = static_cast<int>(spectra.size());
+  std::vector<double> rough;
+  for (const Spectrum& s : spectra)
+    if (s.rim_force > 0) rough.push_back(s.pull_deviation / s.rim_force);
+  if (!rough.empty()) out.roughness = median(rough);
   if (spectra.size() < 3) return out;
   double top = 0;
   for (const Spectrum& s : spectra) top = std::max(top, s.top);

@@ -34,6 +34,7 @@ struct RippleLine {
 struct RippleSearch {
   std::vector<RippleLine> lines;  // significant ones, strongest first; at most one of each kind
   int runs = 0;                   // that took part
+  double roughness = 0.0;         // median over them of the pull's deviation within a run over the rim force T/r; 0: no torque
 };
 
 // Searches all runs with at least 64 samples. Deterministic.
