@@ -51,6 +51,7 @@ endif()
 if(TERRODE_BUILD_TESTS AND PROJECT_IS_TOP_LEVEL)
   # Installs into a folder of the build tree, then builds and runs examples/own_ode_world against it.
   add_test(NAME install.consumer COMMAND ${CMAKE_COMMAND} -DBUILD=${CMAKE_BINARY_DIR} -DSOURCE=${PROJECT_SOURCE_DIR}
+    -DCXX=${CMAKE_CXX_COMPILER} "-DFLAGS=${CMAKE_CXX_FLAGS}"
     -P ${PROJECT_SOURCE_DIR}/tests/install/consumer.cmake)
   set_tests_properties(install.consumer PROPERTIES LABELS "install" TIMEOUT 600)
 endif()

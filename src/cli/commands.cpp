@@ -6,12 +6,12 @@
 #include <CLI/CLI.hpp>
 #include <cerrno>
 #include <cstdio>
-#include <cstring>
 #include <exception>
 
 #include "cli/terminal.h"
 #include "core/problem.h"
 #include "core/progress.h"
+#include "core/system_error.h"
 #include "core/version.h"
 #include "liggghts/ranks.h"
 
@@ -77,7 +77,7 @@ void say(const Common& common, const Problems& problems, const std::string& what
 int flushed(int status) {
   if (std::fflush(stdout) == 0 && !std::ferror(stdout)) return status;
   if (errno == EPIPE) return status;  // the reader has seen enough
-  std::fprintf(stderr, "terrode: cannot write to standard output: %s\n", std::strerror(errno));
+  std::fprintf(stderr, "terrode: cannot write to standard output: %s\n", system_error_text(errno).c_str());
   return status == 0 ? 1 : status;
 }
 

@@ -9,11 +9,11 @@
 
 #include <cerrno>
 #include <chrono>
-#include <cstring>
 #include <map>
 #include <thread>
 
 #include "core/problem.h"
+#include "core/system_error.h"
 
 namespace terrode::cli {
 namespace {
@@ -25,7 +25,7 @@ pid_t start(const Piece& piece) {
   for (std::string& w : words) argv.push_back(w.data());
   argv.push_back(nullptr);
   const pid_t parent = getpid(), child = fork();
-  if (child < 0) throw RunError(fmt::format("a process cannot be started: {}", std::strerror(errno)));
+  if (child < 0) throw RunError(fmt::format("a process cannot be started: {}", system_error_text(errno)));
   if (child > 0) return child;
   // Only calls that are safe between fork and exec.
   prctl(PR_SET_PDEATHSIG, SIGTERM);

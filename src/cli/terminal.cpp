@@ -17,6 +17,7 @@
 #include <memory>
 #include <mutex>
 
+#include "core/system_error.h"
 #include "core/units.h"
 
 namespace terrode::cli {
@@ -142,7 +143,7 @@ bool interrupted() { return stop_signals > 0; }
 
 void write_text_atomically(const std::string& path, const std::string& text) {
   const auto fail = [&](const char* what) {
-    return RunError(fmt::format("{}: {}: {}", path, what, std::strerror(errno)));
+    return RunError(fmt::format("{}: {}: {}", path, what, system_error_text(errno)));
   };
   struct stat status {};
   const bool special = stat(path.c_str(), &status) == 0 && !S_ISREG(status.st_mode);

@@ -12,6 +12,8 @@
 #include <limits>
 #include <set>
 
+#include "core/system_error.h"
+
 namespace terrode::recording {
 namespace {
 
@@ -238,7 +240,7 @@ std::string read_file_bytes(const std::string& path, std::size_t max_bytes) {
   if (!std::filesystem::exists(status)) refuse(path, 0, "no such file");
   if (std::filesystem::is_directory(status)) refuse(path, 0, "is a folder", "a file");
   std::FILE* file = std::fopen(path.c_str(), "rb");
-  if (!file) refuse(path, 0, std::string("cannot be read: ") + std::strerror(errno));
+  if (!file) refuse(path, 0, std::string("cannot be read: ") + system_error_text(errno));
   std::string bytes;
   const auto size = std::filesystem::file_size(path, error);
   if (!error) {

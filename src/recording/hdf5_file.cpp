@@ -16,6 +16,7 @@
 #include <numeric>
 #include <utility>
 
+#include "core/system_error.h"
 #include "recording/hdf5_lock.h"
 
 namespace terrode::recording {
@@ -283,7 +284,7 @@ void need_hdf5(const std::string& path) {
   if (std::filesystem::is_directory(path, error))
     throw InputError(Problem{path, 0, 0, {}, "is a folder", "an HDF5 file"});
   const int fd = ::open(path.c_str(), O_RDONLY);
-  if (fd < 0) throw InputError(Problem{path, 0, 0, {}, std::string("cannot be read: ") + std::strerror(errno), {}});
+  if (fd < 0) throw InputError(Problem{path, 0, 0, {}, std::string("cannot be read: ") + system_error_text(errno), {}});
   // The signature stands at 0, or at 512, 1024, 2048 ... behind a user block (MATLAB v7.3 has one of 512 bytes).
   bool found = false;
   for (off_t at = 0; at <= 8192 && !found; at = at == 0 ? 512 : 2 * at) {
@@ -334,7 +335,7 @@ void Hdf5File::flush() {
   int* descriptor = nullptr;
   if (H5Fget_vfd_handle(state_->file, H5P_DEFAULT, reinterpret_cast<void**>(&descriptor)) >= 0 && descriptor &&
       ::fdatasync(*descriptor) != 0 && errno != EINVAL)
-    throw RunError(fmt::format("{}: cannot write to disk: {}", state_->path, std::strerror(errno)));
+    throw RunError(fmt::format("{}: cannot write to disk: {}", state_->path, system_error_text(errno)));
 }
 
 void Hdf5File::close() {
@@ -649,7 +650,7 @@ void sync_to_disk(const std::string& path, int flags) {
   const bool failed = ::fsync(fd) != 0 && errno != EINVAL;
   const int error = errno;
   ::close(fd);
-  if (failed) throw RunError(fmt::format("{}: cannot write to disk: {}", path, std::strerror(error)));
+  if (failed) throw RunError(fmt::format("{}: cannot write to disk: {}", path, system_error_text(error)));
 }
 
 // Removes what killed writers left beside `path`: parts of processes that are no more, untouched for a minute (a writer

@@ -15,6 +15,7 @@
 #include <memory>
 #include <sstream>
 
+#include "core/system_error.h"
 #include "core/units.h"
 
 namespace terrode::scenario {
@@ -347,7 +348,7 @@ std::string read_text_file(const std::string& path, std::size_t limit) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) throw InputError({path, 0, 0, {}, "is a folder", "a file"});
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> in(std::fopen(path.c_str(), "rb"), &std::fclose);
-  if (!in) throw InputError({path, 0, 0, {}, fmt::format("cannot be read: {}", std::strerror(errno)), {}});
+  if (!in) throw InputError({path, 0, 0, {}, fmt::format("cannot be read: {}", system_error_text(errno)), {}});
   std::string text;
   char buffer[1 << 16];
   for (;;) {
@@ -356,7 +357,7 @@ std::string read_text_file(const std::string& path, std::size_t limit) {
     if (text.size() > limit) throw InputError({path, 0, 0, {}, fmt::format("is larger than {} bytes", limit), "a smaller file"});
     if (n < sizeof buffer) break;
   }
-  if (std::ferror(in.get())) throw InputError({path, 0, 0, {}, fmt::format("cannot be read: {}", std::strerror(errno)), {}});
+  if (std::ferror(in.get())) throw InputError({path, 0, 0, {}, fmt::format("cannot be read: {}", system_error_text(errno)), {}});
   return text;
 }
 

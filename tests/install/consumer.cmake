@@ -1,4 +1,4 @@
-# cmake -DBUILD=... -DSOURCE=... -P consumer.cmake: installs into BUILD/install-test, builds an example against it, runs it.
+# cmake -DBUILD=... -DSOURCE=... -DCXX=... -DFLAGS=... -P consumer.cmake: installs into BUILD/install-test, builds an example against it, runs it.
 set(prefix ${BUILD}/install-test)
 file(REMOVE_RECURSE ${prefix})
 function(step)
@@ -10,7 +10,7 @@ function(step)
 endfunction()
 step(${CMAKE_COMMAND} --install ${BUILD} --prefix ${prefix}/usr)
 step(${CMAKE_COMMAND} -S ${SOURCE}/examples/own_ode_world -B ${prefix}/example -DCMAKE_PREFIX_PATH=${prefix}/usr
-  -DCMAKE_BUILD_TYPE=Release)
+  -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_COMPILER=${CXX} "-DCMAKE_CXX_FLAGS=${FLAGS}")
 step(${CMAKE_COMMAND} --build ${prefix}/example)
 step(${prefix}/example/own_ode_world)
 message(STATUS "${output}")

@@ -31,12 +31,22 @@ Figure line_figure() {
   return f;
 }
 
+// What stands in `d` of the first path drawn with the class given, or "". Without std::regex, whose matching of [^"]* takes a
+// stack frame a character: a long path would need the whole stack.
+std::string path_data(const std::string& drawing, const std::string& css_class) {
+  const std::size_t end = drawing.find("\" class=\"" + css_class + "\"");
+  if (end == std::string::npos) return {};
+  const std::string start = "<path d=\"";
+  const std::size_t at = drawing.rfind(start, end);
+  if (at == std::string::npos) return {};
+  const std::string d = drawing.substr(at + start.size(), end - at - start.size());
+  return d.find('"') == std::string::npos ? d : std::string();
+}
+
 // Points of the first path drawn with the class given.
 std::vector<std::pair<double, double>> path_points(const std::string& drawing, const std::string& css_class) {
-  std::smatch m;
   std::vector<std::pair<double, double>> out;
-  if (!std::regex_search(drawing, m, std::regex("<path d=\"([^\"]*)\" class=\"" + css_class + "\""))) return out;
-  const std::string d = m[1];
+  const std::string d = path_data(drawing, css_class);
   const std::regex point("[ML](-?[0-9.]+) (-?[0-9.]+)");
   for (auto it = std::sregex_iterator(d.begin(), d.end(), point); it != std::sregex_iterator(); ++it)
     out.emplace_back(std::stod((*it)[1]), std::stod((*it)[2]));
