@@ -4,6 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <string>
 #include <vector>
 
 #include "same_motion.h"
@@ -133,6 +137,39 @@ TEST(LiggghtsGround, AFreshGroundGoesOnFromASnapshot) {
   EXPECT_NEAR(push(*fresh, 60, 70), straight, 0.1 * straight);
   saved.resize(20);
   EXPECT_THROW(fresh->restore(saved), InputError);
+}
+
+// This program again, on its own or by mpirun, pushes the wheel for 12 steps and prints the forces in place of its tests.
+constexpr const char* push_variable = "TERRODE_TEST_PUSH";
+[[maybe_unused]] const bool served = [] {
+  if (const auto status = serve()) std::_Exit(*status);
+  if (!std::getenv(push_variable)) return true;
+  const auto ground = make_terrain(small_ground(0.0));
+  ground->add_body(dem::small_wheel());
+  for (int k = 0; k < 12; ++k) std::printf("%.12g\n", push(*ground, k, k + 1));
+  std::fflush(stdout);
+  std::exit(0);
+}();
+
+std::vector<double> pushed(const std::string& launcher) {
+  const std::string command = "OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 " + std::string(push_variable) + "=1 " + launcher + " " +
+                              std::filesystem::read_symlink("/proc/self/exe").string();
+  std::vector<double> out;
+  FILE* pipe = popen(command.c_str(), "r");
+  for (double f = 0.0; pipe && std::fscanf(pipe, "%lf", &f) == 1;) out.push_back(f);
+  EXPECT_TRUE(pipe && pclose(pipe) == 0) << command;
+  return out;
+}
+
+TEST(LiggghtsGround, TwoRanksGiveTheForcesOfOne) {
+  SKIP_WITHOUT_LIGGGHTS();
+  if (std::system("command -v mpirun > /dev/null 2>&1") != 0) GTEST_SKIP() << "mpirun is not installed";
+  const std::vector<double> one = pushed(""), two = pushed("mpirun --oversubscribe -np 2");
+  ASSERT_EQ(one.size(), 12u);
+  ASSERT_EQ(two.size(), 12u);
+  EXPECT_GT(one.back(), 0.0);
+  // Sums in another order; grains magnify that with time.
+  for (std::size_t k = 0; k < one.size(); ++k) EXPECT_NEAR(two[k], one[k], 1e-6 * std::max(1.0, one[k])) << k;
 }
 
 TEST(LiggghtsGround, MisuseAndFailuresAreRefusedAndLeaveTheNextGroundWhole) {
