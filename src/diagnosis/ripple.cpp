@@ -22,6 +22,13 @@ struct Spectrum {
   double rim_speed = 0, rim_force = 0, pull_deviation = 0;
 };
 
+// A series less its least-squares sinusoid of so much angle a sample [rad].
+Eigen::VectorXd without_line(const Eigen::VectorXd& y, double turn) {
+  Eigen::MatrixXd a(y.size(), 2);
+  for (Eigen::Index i = 0; i < y.size(); ++i) a.row(i) << std::cos(turn * static_cast<double>(i)), std::sin(turn * static_cast<double>(i));
+  return y - a * solve_symmetric(a.transpose() * a, a.transpose() * y);
+}
+
 bool spectrum_of(const Campaign& c, const RunData& run, double run_in_length, Spectrum& out) {
   if (run.time.size() < 64) return false;
   const Condition& q = c.conditions[static_cast<std::size_t>(run.condition)];
@@ -61,10 +68,6 @@ bool spectrum_of(const Campaign& c, const RunData& run, double run_in_length, Sp
     if (ch == 1) out.rim_force = std::abs(y.mean()) / c.wheel.radius;
     y -= a * solve_symmetric(a.transpose() * a, a.transpose() * y);
     if (ch == 0) out.pull_deviation = std::sqrt(y.squaredNorm() / static_cast<double>(n));
-    // What wanders shows most at low rates however far the median looks around: an autoregressive process of the same variance
-    // and memory is background too.
-    const double variance = y.squaredNorm() / static_cast<double>(n);
-    const double memory = variance > 0 ? std::clamp(y.head(y.size() - 1).dot(y.tail(y.size() - 1)) / y.squaredNorm(), 0.0, 0.999) : 0.0;
     std::vector<double> padded(size, 0.0);
     double window_sum = 0, window_squares = 0;
     for (std::size_t i = 0; i < n; ++i) {
@@ -77,6 +80,11 @@ bool spectrum_of(const Campaign& c, const RunData& run, double run_in_length, Sp
     std::vector<double> power(size / 2);
     for (std::size_t i = 1; i < size / 2; ++i) power[i] = padded[i] * padded[i] + padded[size - i] * padded[size - i];
     power[0] = power[1];
+    // What wanders shows most at low rates however far the median looks around: an autoregressive process of the variance and
+    // memory that the strongest line leaves is background too.
+    const Eigen::VectorXd rest = without_line(y, 2.0 * std::numbers::pi * static_cast<double>(std::max_element(power.begin(), power.end()) - power.begin()) / static_cast<double>(size));
+    const double variance = rest.squaredNorm() / static_cast<double>(n);
+    const double memory = variance > 0 ? std::clamp(rest.head(rest.size() - 1).dot(rest.tail(rest.size() - 1)) / rest.squaredNorm(), 0.0, 0.999) : 0.0;
     // Background: median within +-1.5 Hz (or a tenth of the band), over ln 2 to make it a mean of exponentials.
     const auto half = static_cast<std::ptrdiff_t>(std::max(0.1 * out.top, std::min(1.5, 0.4 * out.top)) / out.step);
     out.ratio[ch].resize(power.size());
@@ -99,6 +107,9 @@ bool spectrum_of(const Campaign& c, const RunData& run, double run_in_length, Sp
   }
   return any;
 }
+
+// Power over background beyond which a run counts little more: the nearest of several orders still leads.
+constexpr double kLoud = 60.0;
 
 // A line must repeat so often within a run: fewer periods are a trend as well. Waves of a bed are long.
 double fewest_periods(Lock lock) { return lock == Lock::travel ? 2.0 : 4.0; }
@@ -158,7 +169,7 @@ void judge(RippleLine& line, const std::vector<Spectrum>& spectra) {
       if (ch == 0 && s.rim_force > 0) relative.push_back(amplitudes[0].back() / s.rim_force);
     }
     if (!n) continue;
-    total += std::min(sum, 60.0);  // one loud run is not a law
+    total += sum < kLoud ? sum : kLoud + 0.1 * kLoud * std::log(sum / kLoud);  // one loud run is not a law
     ++used;
   }
   // A law that few runs can show is no law of the campaign.

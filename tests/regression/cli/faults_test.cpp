@@ -107,11 +107,11 @@ TEST_F(Faults, OutOfMemoryIsAMessage) {
   GTEST_SKIP() << "sanitizers reserve more address space than the limit";
 #endif
 #endif
-  // A bed of half a million tiles of nodes does not fit into 400 MB.
+  // A bed of half a million tiles of nodes does not fit into 160 MB, in which the program starts.
   std::string text = content(scenario("{slips: [0.1]}", 50.0));
   const std::string big = text.replace(text.find("node_spacing: 1 cm"), 18, "node_spacing: 0.1 mm");
   const std::string name = write("big.yaml", big).string();
-  const Outcome o = run({"sweep", name, "--method", "node-spring", "-j", "1", "--quiet"}, [] { limit(RLIMIT_AS, 60u << 20); });
+  const Outcome o = run({"sweep", name, "--method", "node-spring", "-j", "1", "--quiet"}, [] { limit(RLIMIT_AS, 160u << 20); });
   EXPECT_EQ(o.status, 1) << o.err;
   EXPECT_THAT(o.err, HasSubstr("not enough memory"));
   // Threads that the system does not give are done without.
