@@ -73,16 +73,6 @@ std::vector<Member> shell_of_spheres(double radius, double width, double diamete
   return out;
 }
 
-namespace {
-
-// Of the circle about body y that nothing of the body lies beyond.
-double outer_radius(const wheel::Body& body) {
-  const wheel::Rolling* rim = body.rolling();
-  return rim ? rim->outer : body.bounding_radius();
-}
-
-}  // namespace
-
 DemTerrain::DemTerrain(DemTerrainParams params) : params_(std::move(params)) {
   throw_if_any(params_.validate());
   depth_ = surface_level(params_.prism);
@@ -212,7 +202,7 @@ double DemTerrain::half_chord() const {
   double out = half_chord_;
   for (const Touching& b : bodies_) {
     if (!b.announced) continue;
-    const double radius = outer_radius(*b.shape), above = b.pose.p_W.z() - largest_;
+    const double radius = b.shape->outer_radius(), above = b.pose.p_W.z() - largest_;
     if (std::abs(above) < radius) out = std::max(out, above > 0.0 ? std::sqrt(radius * radius - above * above) : radius);
   }
   return out;
@@ -259,7 +249,7 @@ void DemTerrain::lay_window() {
   // A grain that a body may touch before the window moves on stays free: frozen, it would stand like a rock.
   const auto beside_a_body = [&](const Vec3& x, double radius) {
     return std::any_of(bodies_.begin(), bodies_.end(), [&](const Touching& b) {
-      return b.announced && std::hypot(x.x() - b.pose.p_W.x(), x.z() - b.pose.p_W.z()) < outer_radius(*b.shape) + radius + largest_;
+      return b.announced && std::hypot(x.x() - b.pose.p_W.x(), x.z() - b.pose.p_W.z()) < b.shape->outer_radius() + radius + largest_;
     });
   };
   simulation_->set_frozen(

@@ -140,11 +140,14 @@ Relative relative_to(Campaign campaign, const Campaign& reference, int threads) 
 
 bool shown_by_reference(const RippleLine& line, const Relative& relative) {
   if (relative.reference.runs.empty()) return false;
+  // A wheel out of round is found by a sine of its angle and not in the spectra.
+  if (line.lock == Lock::wheel && line.order == 1) {
+    const auto lines = find_ripples(relative.reference, relative.run_in).lines;
+    return std::any_of(lines.begin(), lines.end(), [&](const RippleLine& l) { return l.lock == Lock::wheel && l.order == 1 && l.amplitude[2] >= 0.25 * line.amplitude[2]; });
+  }
   const RippleLine there = same_law(line, relative.reference, relative.run_in);
-  for (std::size_t ch = 0; ch < kChannels; ++ch)
-    if (line.amplitude[ch] > 0 && line.channel_score[ch] == *std::max_element(line.channel_score.begin(), line.channel_score.end()))
-      return there.amplitude[ch] >= 0.25 * line.amplitude[ch];
-  return false;
+  const auto lead = static_cast<std::size_t>(std::max_element(line.channel_score.begin(), line.channel_score.end()) - line.channel_score.begin());
+  return there.amplitude[lead] >= 0.25 * line.amplitude[lead];
 }
 
 }  // namespace terrode::diagnosis

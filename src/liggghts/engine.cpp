@@ -10,11 +10,11 @@
 
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <optional>
 #include <sstream>
 
 #include "core/problem.h"
+#include "core/system_error.h"
 
 namespace terrode::liggghts {
 namespace {
@@ -112,7 +112,7 @@ void Engine::open() {
   if (lammps_ && !dead_) return;
   const bool again = lammps_ != nullptr;  // what is left of one that failed cannot be closed, its files are
   if (screen_ < 0) screen_ = memfd_create("terrode-liggghts", MFD_CLOEXEC);
-  if (screen_ < 0) throw RunError(fmt::format("no file in memory for what LIGGGHTS says: {}", std::strerror(errno)));
+  if (screen_ < 0) throw RunError(fmt::format("no file in memory for what LIGGGHTS says: {}", system_error_text(errno)));
   spoken = screen_;
   std::string name = "liggghts", log = "-log", none = "none", screen = "-screen", file = fmt::format("/proc/self/fd/{}", screen_);
   char* arguments[] = {name.data(), log.data(), none.data(), screen.data(), file.data()};

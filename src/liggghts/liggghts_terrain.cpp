@@ -17,6 +17,7 @@
 #include <thread>
 #include <unordered_map>
 
+#include "core/system_error.h"
 #include "liggghts/law.h"
 #include "liggghts/wheel_mesh.h"
 #include "liggghts/workers.h"
@@ -58,7 +59,7 @@ class TemporaryFolder {
  public:
   TemporaryFolder() {
     std::string name = (std::filesystem::temp_directory_path() / "terrode-liggghts-XXXXXX").string();
-    if (!mkdtemp(name.data())) throw RunError(fmt::format("{}: cannot be made: {}", name, std::strerror(errno)));
+    if (!mkdtemp(name.data())) throw RunError(fmt::format("{}: cannot be made: {}", name, system_error_text(errno)));
     path_ = name;
   }
   ~TemporaryFolder() {
@@ -85,12 +86,6 @@ std::string read(const std::string& path) {
   std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
   if (!in) throw RunError(fmt::format("{}: cannot be read", path));
   return text;
-}
-
-// Of the circle about body y that nothing of the body lies beyond.
-double outer_radius(const wheel::Body& body) {
-  const wheel::Rolling* rim = body.rolling();
-  return rim ? rim->outer : body.bounding_radius();
 }
 
 class LiggghtsTerrain final : public terrain::Terrain, public terrain::ParticleView {
@@ -299,7 +294,7 @@ void LiggghtsTerrain::lay() {
     tiles = static_cast<long>(std::ceil(p.full_length / length - 1e-9));
   } else {
     double widest = 0.0;
-    for (const Touching& b : bodies_) widest = std::max(widest, outer_radius(*b.shape) + 2.0 * largest_);
+    for (const Touching& b : bodies_) widest = std::max(widest, b.shape->outer_radius() + 2.0 * largest_);
     const long first = tile_of(-params_.reach_behind - std::max(p.window_behind, widest)) - 1;
     start = static_cast<double>(first) * length;
     tiles = tile_of(params_.reach_ahead + std::max(p.window_ahead, widest)) + 2 - first;
@@ -342,7 +337,7 @@ double LiggghtsTerrain::half_chord() const {
   double out = half_chord_;
   for (const Touching& b : bodies_) {
     if (!b.announced) continue;
-    const double radius = outer_radius(*b.shape), above = b.pose.p_W.z() - 2.0 * largest_;
+    const double radius = b.shape->outer_radius(), above = b.pose.p_W.z() - 2.0 * largest_;
     if (std::abs(above) < radius) out = std::max(out, above > 0.0 ? std::sqrt(radius * radius - above * above) : radius);
   }
   return out;
@@ -382,7 +377,7 @@ void LiggghtsTerrain::move_window() {
   MovingPart part{static_cast<double>(free_from_) * stretch(), static_cast<double>(free_to_ + 1) * stretch(), width(), width(), {}};
   // A grain that a body may touch before the window moves on stays free: standing, it would be like a rock.
   for (const Touching& b : bodies_)
-    if (b.announced) part.axes.push_back({b.pose.p_W.x(), b.pose.p_W.z(), outer_radius(*b.shape) + 2.0 * largest_});
+    if (b.announced) part.axes.push_back({b.pose.p_W.x(), b.pose.p_W.z(), b.shape->outer_radius() + 2.0 * largest_});
   workers.set_moving(part);
   engine_step_ = 0.0;
 }

@@ -54,6 +54,12 @@ class Body {
   // The rim, for bodies that roll; nothing for others.
   virtual const Rolling* rolling() const { return nullptr; }
 
+  // Radius [m] about body y of a circle that nothing of the body lies beyond.
+  double outer_radius() const {
+    const Rolling* rim = rolling();
+    return rim ? rim->outer : bounding_radius();
+  }
+
   // True where nothing but a smooth circular cylinder touches (no crown, no grousers): its lower surface and contact
   // angle are then known without rays.
   virtual bool plain_cylinder() const { return false; }

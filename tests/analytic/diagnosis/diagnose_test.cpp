@@ -219,6 +219,18 @@ TEST(Diagnose, BesideAKnownCampaignNamesWhatDiffers) {
   EXPECT_EQ(d.effects[0].ids.front(), "slip_sinkage");
 }
 
+TEST(Diagnose, AWheelOutOfRoundInBothIsNoNews) {
+  Truth known;
+  known.out_of_round = 7e-4;
+  Truth again = known;
+  again.seed = 7;
+  const recording::Recording reference = campaign(known);
+  Options options;
+  options.reference = &reference;
+  const Diagnosis d = diagnose(campaign(again), options);
+  EXPECT_FALSE(names(d, "eccentricity")) << d.statement;
+}
+
 TEST(Diagnose, ConditionsTheReferenceLacksAreLeftOutAndSaid) {
   const recording::Recording reference = campaign(Truth());
   recording::Recording other = campaign(Truth());
