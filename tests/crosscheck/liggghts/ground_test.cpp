@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "mpi_program.h"
 #include "same_motion.h"
 #include "terrain/particle_view.h"
 #include "wheel/convex.h"
@@ -152,7 +153,7 @@ constexpr const char* push_variable = "TERRODE_TEST_PUSH";
 }();
 
 std::vector<double> pushed(const std::string& launcher) {
-  const std::string command = "OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 " + std::string(push_variable) + "=1 " + launcher + " " +
+  const std::string command = kOwnMpi + " " + push_variable + "=1; " + launcher + " " +
                               std::filesystem::read_symlink("/proc/self/exe").string();
   std::vector<double> out;
   FILE* pipe = popen(command.c_str(), "r");

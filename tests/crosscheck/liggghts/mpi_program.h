@@ -18,6 +18,10 @@ namespace terrode::liggghts {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
+// Shell words before a command that may start MPI: an engine that another test opened in this process left the names of its own in
+// the environment.
+inline const std::string kOwnMpi = "unset $(env | grep -oE '^(OMPI|PMIX|ORTE|PMI)_[A-Za-z0-9_]*'); export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1";
+
 class MpiProgram : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -30,7 +34,7 @@ class MpiProgram : public ::testing::Test {
   int run(std::string command) {
     for (std::size_t at = command.find("program "); at != std::string::npos; at = command.find("program ", at + 1))
       command.replace(at, 7, TERRODE_PROGRAM);
-    const std::string line = "cd " + folder_.string() + " && export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 TERRODE_CACHE=" +
+    const std::string line = "cd " + folder_.string() + " && " + kOwnMpi + " TERRODE_CACHE=" +
                              (folder_ / "beds").string() + " && { " + command + " ; } > out.txt 2> err.txt";
     const int status = std::system(line.c_str());
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
