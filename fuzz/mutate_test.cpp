@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "core/random.h"
+#include "../tests/sanitized.h"
 #include "harness.h"
 
 namespace terrode::fuzz {
@@ -28,19 +29,6 @@ namespace terrode::fuzz {
 #undef FUZZ_HARNESS
 
 namespace {
-
-// A sanitizer reserves more address space than any limit leaves. clang tells of it in another way than gcc.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kSanitized = true;
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-constexpr bool kSanitized = true;
-#else
-constexpr bool kSanitized = false;
-#endif
-#else
-constexpr bool kSanitized = false;
-#endif
 
 constexpr std::size_t kLargest = 65536;
 constexpr std::uint64_t kInputs = 200;  // the same on every machine: what tools/test says must not depend on its speed
@@ -136,7 +124,7 @@ void mutate(const std::string& name, void (*harness)(const std::uint8_t*, std::s
   const std::filesystem::path folder = std::filesystem::path(TERRODE_BINARY_DIR) / "fuzz-findings";
   std::filesystem::create_directories(folder);
   fmt::format_to_n(current.file, sizeof current.file - 1, "{}", (folder / name).string());
-  if (!kSanitized) {
+  if (!terrode::kSanitized) {
     const rlimit memory{rlim_t{4} << 30, RLIM_INFINITY};
     setrlimit(RLIMIT_AS, &memory);
   }

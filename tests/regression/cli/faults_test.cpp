@@ -7,22 +7,11 @@
 #include <nlohmann/json.hpp>
 
 #include "program.h"
+#include "../../sanitized.h"
 #include "recording/result_file.h"
 
 namespace terrode {
 namespace {
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kSanitized = true;
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-constexpr bool kSanitized = true;
-#else
-constexpr bool kSanitized = false;
-#endif
-#else
-constexpr bool kSanitized = false;
-#endif
 
 using ::testing::HasSubstr;
 using ::testing::Not;
