@@ -189,7 +189,7 @@ void calibrate(const CalibrateArguments& a, Common& common) {
     if (combined) wheel_on(page, "Wheel runs with the soil tests as priors", *combined, *data);
     if (!comparison.empty()) page.section("Where soil tests and wheel disagree").table(comparison_table(comparison));
     page.section("Soil file").listing("soil.yaml", calibration::soil_yaml(soil, recording.title), false);
-    page.download("calibration.json", document.dump(2));
+    page.download("calibration.json", json_text(document, 2));
     page.write_html(common.report);
     note(common, "wrote " + common.report);
   }

@@ -179,7 +179,7 @@ void evaluate(const std::string& file, Common& common) {
       if (!std::isfinite(v)) throw RunError("a simulated stress is not finite");
   j["curves"] = curves;
   j["cpu_seconds"] = static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
-  write_text_atomically(file, j.dump() + "\n");
+  write_text_atomically(file, json_text(j) + "\n");
 }
 
 std::string last_line(const fs::path& path) {
@@ -374,10 +374,10 @@ void calibrate_dem(const CalibrateDemArguments& a, Common& common) {
   if (problem) throw InputError(Problem{a.output, 0, 0, {}, "cannot be made: " + problem.message(), "a folder"});
   if (fs::exists(folder / "search.json") && !a.overwrite) {
     // Numbers read back are those written: to compare texts is to compare searches.
-    if (parsed(folder / "search.json").dump() != Json::parse(wanted.dump()).dump())
+    if (parsed(folder / "search.json").dump() != Json::parse(json_text(wanted)).dump())
       throw InputError(Problem{a.output, 0, 0, {}, "holds a search of other tests or settings", "another folder after -o, or --overwrite"});
   }
-  write_text_atomically((folder / "search.json").string(), wanted.dump(1) + "\n");
+  write_text_atomically((folder / "search.json").string(), json_text(wanted, 1) + "\n");
   std::vector<Evaluation> done, waiting;
   for (int i = 0; fs::exists(evaluation_file(folder, i)) && i < search.total(); ++i) {
     const Json j = parsed(evaluation_file(folder, i));
@@ -399,7 +399,7 @@ void calibrate_dem(const CalibrateDemArguments& a, Common& common) {
     if (waiting.empty()) {
       waiting = search.next(done);
       if (waiting.empty()) break;
-      for (const Evaluation& e : waiting) write_text_atomically(evaluation_file(folder, e.index).string(), evaluation_json(e, search.values(e.unit)).dump() + "\n");
+      for (const Evaluation& e : waiting) write_text_atomically(evaluation_file(folder, e.index).string(), json_text(evaluation_json(e, search.values(e.unit))) + "\n");
     }
     std::vector<Piece> pieces;
     const int threads = std::max(1, together / static_cast<int>(waiting.size()));
@@ -416,7 +416,7 @@ void calibrate_dem(const CalibrateDemArguments& a, Common& common) {
         e.error = status < 0 ? fmt::format("ended by signal {}", -status) : last_line(pieces[i].log);
         if (e.error.empty()) e.error = fmt::format("ended with status {}", status);
         if (status == 2) refused = e.error;
-        write_text_atomically(file.string(), evaluation_json(e, search.values(e.unit)).dump() + "\n");
+        write_text_atomically(file.string(), json_text(evaluation_json(e, search.values(e.unit))) + "\n");
         fs::remove_all(fs::path(file).replace_extension(".beds"));
       } else {
         fs::remove(pieces[i].log);
@@ -492,7 +492,7 @@ void calibrate_dem(const CalibrateDemArguments& a, Common& common) {
     document["bed_scatter"] = {{"direct_shear", number(r.shear_bed_scatter)}, {"pressure_sinkage", number(r.plate_bed_scatter)}};
     document["surrogate"] = {{"leave_one_out", number(r.leave_one_out)}, {"scatter_factor", number(r.scatter_factor)}};
   }
-  write_text_atomically((folder / "result.json").string(), document.dump(1) + "\n");
+  write_text_atomically((folder / "result.json").string(), json_text(document, 1) + "\n");
 
   if (common.json) {
     print_json(document);
@@ -547,7 +547,7 @@ void calibrate_dem(const CalibrateDemArguments& a, Common& common) {
       for (std::size_t i = 0; i < search.parameters().size(); ++i) distributions.push_back(distribution_figure(search.parameters()[i], r, static_cast<Eigen::Index>(i)));
       page.section("What the tests say of each parameter").figures(distributions);
     }
-    page.download("result.json", document.dump(1));
+    page.download("result.json", json_text(document, 1));
     page.write_html(common.report);
     note(common, "wrote " + common.report);
   }

@@ -133,7 +133,7 @@ void run_soil_tests(std::vector<SoilTest>& tests, const dem::DemTerrainParams& g
         auto result = dem::pressure_sinkage(plate, part);
         t.x = std::move(result.sinkage), t.y = std::move(result.pressure);
       }
-      write_text_atomically(file.string(), soil_test_json(t, text).dump() + "\n");
+      write_text_atomically(file.string(), json_text(soil_test_json(t, text)) + "\n");
     }
     const std::lock_guard<std::mutex> lock(one);
     ++done;
@@ -311,7 +311,7 @@ void dem_to_bekker(const DemToBekkerArguments& a, Common& common) {
                    {"disagreement", comparison_json(comparison)}, {"prediction", prediction}};
   for (std::size_t p = 0; p < data.points.size(); ++p)
     for (std::size_t c = 0; c < 3; ++c) document["wheel"]["points"][p][std::string(calibration::kWheelChannels[c]) + "_by_soil_tests"] = number(by_tests[p][c]);
-  write_text_atomically((folder / "result.json").string(), document.dump(1) + "\n");
+  write_text_atomically((folder / "result.json").string(), json_text(document, 1) + "\n");
 
   std::size_t apart = 0;
   for (const Comparison& c : comparison) apart += std::abs(c.distance) > 2.5;
@@ -411,7 +411,7 @@ void dem_to_bekker(const DemToBekkerArguments& a, Common& common) {
     soil_tests_on(page, fits);
     wheel_on(page, "Wheel on particles", wheel, data);
     page.section("Soil files").listing("soil_tests.yaml", calibration::soil_yaml(from_tests, s.title), true).listing("wheel.yaml", calibration::soil_yaml(from_wheel, s.title), true);
-    page.download("result.json", document.dump(1));
+    page.download("result.json", json_text(document, 1));
     page.write_html(common.report);
     note(common, "wrote " + common.report);
   }

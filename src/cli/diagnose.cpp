@@ -381,10 +381,10 @@ void diagnose_command(const DiagnoseArguments& a, Common& common) {
   Json json = diagnosis_json(d);
   if (!replayed.points.empty()) json["simulated_in_time"] = replay_json(d, replayed);
   const fs::path folder(a.folder);
-  write_text_atomically((folder / "diagnosis.json").string(), json.dump(2) + "\n");
+  write_text_atomically((folder / "diagnosis.json").string(), json_text(json, 2) + "\n");
   write_text_atomically((folder / "corrected.yaml").string(), corrected_yaml(recording, d));
   report::Page page = page_of(d, replayed, common.command_line);
-  page.download("diagnosis.json", json.dump(2));
+  page.download("diagnosis.json", json_text(json, 2));
   page.write_html(folder / "report.html");
   if (!common.report.empty()) page.write_html(common.report);
   if (common.json) {

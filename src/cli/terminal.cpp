@@ -87,8 +87,10 @@ std::size_t columns(const std::string& s) {
 
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
+std::string json_text(const Json& document, int indent) { return document.dump(indent, ' ', false, Json::error_handler_t::replace); }
+
 void print_json(const Json& document) {
-  const std::string text = document.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  const std::string text = json_text(document, 2) + "\n";
   std::fwrite(text.data(), 1, text.size(), stdout);
 }
 

@@ -16,6 +16,8 @@ using Json = nlohmann::ordered_json;
 // A number for JSON: null where it is not finite.
 Json number(double value);
 // Prints one document to standard output.
+// The document as text; bytes of a name that are no UTF-8 become U+FFFD, for the library throws on them.
+std::string json_text(const Json& document, int indent = -1);
 void print_json(const Json& document);
 // {"error": ..., "problems": [{file, line, column, key, message, expected}]}.
 Json error_json(const std::string& what, const Problems& problems);

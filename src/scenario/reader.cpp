@@ -17,6 +17,7 @@
 
 #include "core/system_error.h"
 #include "core/units.h"
+#include "core/utf8.h"
 
 namespace terrode::scenario {
 namespace {
@@ -364,10 +365,10 @@ std::string read_text_file(const std::string& path, std::size_t limit) {
 Node parse_yaml(const std::string& text, const std::string& file, const ReadLimits& limits) {
   if (text.size() > limits.bytes)
     throw InputError({file, 0, 0, {}, fmt::format("is larger than {} bytes", limits.bytes), "a smaller file"});
-  if (const std::size_t nul = text.find('\0'); nul != std::string::npos) {
-    const auto line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(nul), '\n');
-    throw InputError({file, static_cast<int>(line), 0, {}, "holds a zero byte", "YAML text in UTF-8"});
-  }
+  if (const std::size_t nul = text.find('\0'); nul != std::string::npos)
+    throw InputError({file, line_of(text, nul), 0, {}, "holds a zero byte", "YAML text in UTF-8"});
+  if (const std::size_t bad = find_invalid_utf8(text); bad != std::string::npos)
+    throw InputError({file, line_of(text, bad), 0, {}, "is not UTF-8 text", "YAML text in UTF-8 (save it as UTF-8)"});
   TreeBuilder builder(file, limits);
   try {
     std::istringstream in(text);

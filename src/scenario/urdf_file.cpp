@@ -10,6 +10,7 @@
 #include <limits>
 #include <mutex>
 
+#include "core/utf8.h"
 #include "scenario/reader.h"
 
 namespace terrode::scenario {
@@ -122,6 +123,9 @@ class Importer {
   void parse() {
     constexpr std::size_t largest = 16u << 20;
     text_ = read_text_file(sidecar_.file, largest);
+    // TinyXML, by which urdfdom reads, looks beyond the end of a text that breaks off within a character.
+    if (const std::size_t bad = find_invalid_utf8(text_); bad != std::string::npos)
+      throw InputError({sidecar_.file, line_of(text_, bad), 0, "robot", "is not UTF-8 text", "a URDF file in UTF-8 (save it as UTF-8)"});
     const std::lock_guard<std::mutex> lock(parser_mutex());
     Listener listener;
     model_ = urdf::parseURDF(text_);
