@@ -17,6 +17,10 @@ namespace {
 
 // ODE aborts the process when a number overflows inside its solver; beyond this no quantity of a machine is meant.
 constexpr double largest_number = 1e30;
+// Metres, metres a second and radians a second that no machine reaches: one that does has flown off.
+constexpr double farthest = 1e9, fastest = 1e9;
+// m/s2, ten thousand times the earth's: beyond any centrifuge.
+constexpr double strongest_gravity = 1e5;
 constexpr double saturation_share = 0.99;
 
 struct MessageSink {
@@ -64,7 +68,7 @@ void initialise_once() {
 
 Vec3 vec(const dReal* v) { return {v[0], v[1], v[2]}; }
 
-bool good(const Vec3& v) { return v.allFinite() && v.cwiseAbs().maxCoeff() < largest_number; }
+bool within(const Vec3& v, double limit) { return v.allFinite() && v.cwiseAbs().maxCoeff() < limit; }
 
 Vec3 unit_axis(const std::string& joint, const Vec3& axis) {
   const double length = axis.norm();
@@ -79,7 +83,9 @@ Vec3 unit_axis(const std::string& joint, const Vec3& axis) {
 
 Problems WorldOptions::validate() const {
   Problems p;
-  if (!gravity.allFinite()) p.push_back({{}, 0, 0, "world.gravity", "is not finite", "three finite numbers in m/s2"});
+  if (!gravity.allFinite() || gravity.norm() > strongest_gravity)
+    p.push_back({{}, 0, 0, "world.gravity", gravity.allFinite() ? fmt::format("is {:.6g} m/s2", gravity.norm()) : "is not finite",
+                 fmt::format("three finite numbers, together at most {:g} m/s2", strongest_gravity)});
   require(p, "world.cfm", cfm, "s/kg", cfm >= 0.0 && cfm < 1e-3, "a number from 0 to 1e-3");
   require(p, "world.erp", erp, "-", erp >= 0.0 && erp <= 1.0, "a number from 0 to 1");
   return p;
@@ -154,7 +160,7 @@ Twist Body::twist() const { return {vec(dBodyGetLinearVel(id_)), vec(dBodyGetAng
 
 void Body::set_pose(const Pose& pose) {
   const double norm = pose.R_WB.norm();
-  if (!good(pose.p_W) || !std::isfinite(norm) || norm < 1e-12)
+  if (!within(pose.p_W, largest_number) || !std::isfinite(norm) || norm < 1e-12)
     throw InputError(Problem{{}, 0, 0, name_ + ".pose", "is not finite", "a finite position and orientation"});
   dBodySetPosition(id_, pose.p_W.x(), pose.p_W.y(), pose.p_W.z());
   const dQuaternion q = {pose.R_WB.w(), pose.R_WB.x(), pose.R_WB.y(), pose.R_WB.z()};
@@ -162,7 +168,7 @@ void Body::set_pose(const Pose& pose) {
 }
 
 void Body::set_twist(const Twist& twist) {
-  if (!good(twist.v_W) || !good(twist.w_W))
+  if (!within(twist.v_W, largest_number) || !within(twist.w_W, largest_number))
     throw InputError(Problem{{}, 0, 0, name_ + ".twist", "is not finite", "finite velocities"});
   dBodySetLinearVel(id_, twist.v_W.x(), twist.v_W.y(), twist.v_W.z());
   dBodySetAngularVel(id_, twist.w_W.x(), twist.w_W.y(), twist.w_W.z());
@@ -671,19 +677,19 @@ void World::check_finite() const {
   for (const auto& b : bodies_) {
     const Twist t = b->twist();
     const char* what = nullptr;
-    if (!good(vec(dBodyGetPosition(b->id_))))
-      what = "position";
-    else if (!good(t.v_W))
-      what = "velocity";
-    else if (!good(t.w_W))
-      what = "angular velocity";
-    else if (!good(vec(dBodyGetForce(b->id_))))
-      what = "external force";
-    else if (!good(vec(dBodyGetTorque(b->id_))))
-      what = "external moment";
+    if (!within(vec(dBodyGetPosition(b->id_)), farthest))
+      what = "position is not finite or beyond 1e9 m";
+    else if (!within(t.v_W, fastest))
+      what = "velocity is not finite or beyond 1e9 m/s";
+    else if (!within(t.w_W, fastest))
+      what = "angular velocity is not finite or beyond 1e9 rad/s";
+    else if (!within(vec(dBodyGetForce(b->id_)), largest_number))
+      what = "external force is not finite or beyond 1e30 N";
+    else if (!within(vec(dBodyGetTorque(b->id_)), largest_number))
+      what = "external moment is not finite or beyond 1e30 N m";
     if (what != nullptr)
       throw RunError(
-          fmt::format("body '{}' at t = {:.9g} s (step {}): its {} is not finite or beyond 1e30 SI units; "
+          fmt::format("body '{}' at t = {:.9g} s (step {}): its {}; "
                       "the run has diverged or a force law returned a wrong number: try a smaller time "
                       "step, then check the soil's parameters",
                       b->name(), time_, steps_, what));

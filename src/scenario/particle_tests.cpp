@@ -98,7 +98,7 @@ Table<ParticleTests> tests_table() {
   using T = ParticleTests;
   Table<T> t;
   t.integer("repeats", 1, 1000, &T::repeats, "tests of every condition, with seeds one after another")
-      .number("gravity", "m/s^2", above(0), &T::gravity, "")
+      .number("gravity", "m/s^2", {0, 1e5, true, false}, &T::gravity, "")
       .number("time_step", "s", at_least(0), &T::time_step, "0: suggested from the Rayleigh time")
       .number("settling_drag", "N s/m", at_least(0), &T::settling_drag, "on every grain while a bed settles")
       .section("grains", &T::grains, grains_table(), "sizes, material and contact law")

@@ -1,5 +1,7 @@
 #include "terrain/node_spring.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -124,6 +126,11 @@ ContactResult NodeSpringTerrain::evaluate(BodyState& s, const Pose& pose, const 
   s.trial.time = t_;
   s.trial.touching = false;
   s.trial.load = s.trial.stored = 0.0;
+  // Nodes are numbered by integers.
+  const double away = std::max(std::abs(pose.p_W.x()), std::abs(pose.p_W.y())) + s.shape->bounding_radius();
+  if (!(away < 1e9 * params_.spacing))
+    throw RunError(fmt::format("node-spring ground: body {} is {:.3g} m away, beyond what nodes of {:.3g} m are numbered for at t = {:.6g} s", s.id,
+                               away, params_.spacing, t_));
   ContactResult out;
   if (s.shape->rolling() && roll(s, pose, twist, record, out)) return out;
   return press(s, pose, twist, record);

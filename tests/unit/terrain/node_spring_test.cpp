@@ -47,6 +47,19 @@ ContactResult roll(NodeSpringTerrain& ground, BodyId id, int steps, int from = 0
   return r;
 }
 
+// Nodes are numbered by integers: a body that flew off is refused before they run out.
+TEST(NodeSpring, ABodyBeyondAllNodesIsRefused) {
+  for (const auto& shape : {paper_wheel(), std::shared_ptr<const wheel::Body>(wheel::make_box(0.1, 0.1, 0.02))}) {
+    NodeSpringTerrain ground{NodeSpringParams{}};
+    const auto id = ground.add_body(shape);
+    ground.begin_step(0, kStep);
+    Pose far = pose_at(0);
+    far.p_W.y() = -1.4e10 * ground.params().spacing;
+    EXPECT_THROW(ground.wrench(id, far, twist()), RunError);
+    EXPECT_NO_THROW(ground.wrench(id, pose_at(0, 1e3), twist()));
+  }
+}
+
 TEST(NodeSpring, WrenchIsTheSumOfItsNodes) {
   NodeSpringTerrain ground{NodeSpringParams{}};
   const auto id = ground.add_body(paper_wheel());
