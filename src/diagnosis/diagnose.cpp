@@ -48,6 +48,8 @@ constexpr double kTemperature = 1.5;
 constexpr double kPoorFit = 1.45, kScatterOfFit = 1.7;
 // What they reach where two or three repeats show half of the scatter.
 constexpr double kPoorByChance = 1.8;
+// From so many held-out blocks on the loudest for and the loudest against are left out.
+constexpr std::size_t kBlocksToTrim = 6;
 // Independent looks at that share which one channel gives.
 constexpr double kLooks = 8.0;
 
@@ -630,7 +632,7 @@ class Diagnoser {
       // conditions that took no part in the fit: small change to a form that does not quite fit helps there little.
       out_.growth.push_back({tried[top].hypothesis.label(), more, lack_of_fit(best_), lack_of_fit(tried[top])});
       if (more < kFurther || chi < out_.gate + 6.0) break;
-      const auto without = held_out(best_), with = held_out(tried[top]);
+      const auto [without, with] = held_out(best_, tried[top]);
       // No channel may pay for another: what mends one and spoils the next is not the cause.
       const std::array<double, kChannels> floor = scatter_of_means();
       double improvement = 0, least = 0;
@@ -727,21 +729,32 @@ class Diagnoser {
     return out;
   }
 
-  // Root mean square error of means of runs in blocks that were left out of the fit, by channel.
-  std::array<double, kChannels> held_out(const Tried& t) const {
+  // Root mean square errors by channel of means of runs in blocks that were left out of the fit, of two explanations. Where
+  // there are enough blocks the one that speaks loudest for either is left out: no name may hang on one stretch of slip.
+  std::array<std::array<double, kChannels>, 2> held_out(const Tried& a, const Tried& b) const {
     const auto blocks = blocks_of(campaign_);
-    const Hypothesis h = continued(model_, t);
-    std::vector<Fold> folds(blocks.size());
-    parallel_for(blocks.size(), options_.threads, [&](std::size_t b) { folds[b] = fold(t, h, blocks[b].second, 6); });
-    std::array<double, kChannels> out{};
+    const std::array<const Tried*, 2> both = {&a, &b};
+    const std::array<Hypothesis, 2> from = {continued(model_, a), continued(model_, b)};
+    std::vector<std::array<Fold, 2>> folds(blocks.size());
+    parallel_for(2 * blocks.size(), options_.threads, [&](std::size_t k) { folds[k / 2][k % 2] = fold(*both[k % 2], from[k % 2], blocks[k / 2].second, 6); });
+    std::erase_if(folds, [](const auto& f) { return !f[0].solved || !f[1].solved; });
+    std::array<std::array<double, kChannels>, 2> out{};
     for (std::size_t ch = 0; ch < kChannels; ++ch) {
-      double s = 0;
-      int n = 0;
-      for (const Fold& f : folds) {
-        s += f.squares[ch];
-        n += f.count[ch];
+      std::vector<const std::array<Fold, 2>*> of_channel;
+      for (const auto& f : folds)
+        if (f[0].count[ch] > 0) of_channel.push_back(&f);
+      const auto gain = [ch](const std::array<Fold, 2>* f) { return (*f)[0].squares[ch] - (*f)[1].squares[ch]; };
+      std::sort(of_channel.begin(), of_channel.end(), [&](auto* x, auto* y) { return gain(x) < gain(y); });
+      if (of_channel.size() >= kBlocksToTrim) {
+        if (gain(of_channel.back()) > 0) of_channel.pop_back();
+        if (gain(of_channel.front()) < 0) of_channel.erase(of_channel.begin());
       }
-      out[ch] = n ? std::sqrt(s / n) : 0.0;
+      int n = 0;
+      for (const auto* f : of_channel) {
+        n += (*f)[0].count[ch];
+        for (std::size_t k = 0; k < 2; ++k) out[k][ch] += (*f)[k].squares[ch];
+      }
+      for (auto& o : out) o[ch] = n ? std::sqrt(o[ch] / n) : 0.0;
     }
     return out;
   }
@@ -803,7 +816,10 @@ class Diagnoser {
         } else if (worth.contains(rivals[k])) {
           std::vector<Hypothesis> starts;
           for (const Hypothesis& s : starts_[rivals[k]]) starts.push_back(joined(others, s));
-          tried[k] = best_of(most_promising(starts, at, reduced, 2), reduced.fit.base);
+          starts = most_promising(starts, at, reduced, 2);
+          // In the place of the member it stands for: the members after it keep theirs.
+          for (Hypothesis& h : starts) std::rotate(h.effects.begin() + static_cast<std::ptrdiff_t>(slot), h.effects.end() - 1, h.effects.end());
+          tried[k] = best_of(starts, reduced.fit.base);
         }
       });
     }
@@ -923,16 +939,16 @@ class Diagnoser {
       for (std::size_t slot = 0; slot < best_.hypothesis.effects.size(); ++slot) found.push_back(weigh(slot));
       // What these data leave open is said, and stands in no model.
       const auto open = [](const Finding& f) { return f.ids.size() > 4 || f.probability < 0.9; };
+      std::vector<std::size_t> members;
+      for (std::size_t slot = 0; slot < found.size(); ++slot)
+        if (open(found[slot])) members.push_back(slot);
       std::copy_if(found.begin(), found.end(), std::back_inserter(wide), open);
       std::erase_if(found, open);
-      if (!wide.empty() && (!found.empty() || ripple_effect)) leave_out(wide);
+      if (!wide.empty() && (!found.empty() || ripple_effect)) leave_out(members);
       after = best_;
       for (std::size_t slot = 0; slot < found.size(); ++slot) {
-        // The member may have changed places with a more probable rival.
-        for (std::size_t m = 0; m < best_.hypothesis.effects.size(); ++m)
-          if (best_.hypothesis.effects[m].id == found[slot].ids.front()) describe(found[slot], m);
-        if (found[slot].cls.empty()) describe(found[slot], slot);
-        found[slot].change = change_of(std::min(slot, best_.hypothesis.effects.size() - 1));
+        describe(found[slot], slot);
+        found[slot].change = change_of(slot);
       }
     }
     after_ = after;
@@ -1000,12 +1016,10 @@ class Diagnoser {
     finish();
   }
 
-  // Takes the members of the best explanation that `these` stand for out of it; what remains is fitted anew.
-  void leave_out(const std::vector<Finding>& these) {
+  // Takes these members (in rising order) out of the best explanation; what remains is fitted anew.
+  void leave_out(const std::vector<std::size_t>& members) {
     Hypothesis h = continued(model_, best_);
-    std::erase_if(h.effects, [&](const auto& e) {
-      return std::any_of(these.begin(), these.end(), [&](const Finding& f) { return std::find(f.ids.begin(), f.ids.end(), e.id) != f.ids.end(); });
-    });
+    for (auto m = members.rbegin(); m != members.rend(); ++m) h.effects.erase(h.effects.begin() + static_cast<std::ptrdiff_t>(*m));
     best_ = h.effects.empty() ? plain_ : Tried{h, model_.fit(h, best_.fit.base)};
   }
 
