@@ -87,7 +87,7 @@ function(terrode_test_program target sources labels room)
   set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   # Several files at a time read the headers once; where their helpers have the same names, each by itself.
   if(NOT target STREQUAL "analytic_vehicle")
-    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 6)
+    set_target_properties(${target} PROPERTIES UNITY_BUILD ${TERRODE_UNITY} UNITY_BUILD_BATCH_SIZE 6)
   endif()
   target_compile_options(${target} PRIVATE ${TERRODE_WARNINGS} $<$<CONFIG:Release>:-O1>)
   target_compile_definitions(${target} PRIVATE

@@ -12,11 +12,10 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
-#include <cstring>
 #include <memory>
 #include <mutex>
 
+#include "core/environment.h"
 #include "core/system_error.h"
 #include "core/units.h"
 
@@ -112,13 +111,12 @@ void note(const Common& common, const std::string& text) {
 }
 
 bool terminal_messages() {
-  const char* term = std::getenv("TERM");
-  return isatty(STDERR_FILENO) && term && std::strcmp(term, "dumb") != 0;
+  const std::string term = environment("TERM");
+  return isatty(STDERR_FILENO) && !term.empty() && term != "dumb";
 }
 
 bool colour(int file_descriptor) {
-  const char* none = std::getenv("NO_COLOR");
-  return isatty(file_descriptor) && !(none && *none);
+  return isatty(file_descriptor) && environment("NO_COLOR").empty();
 }
 
 Progress show_progress(const Common& common) {

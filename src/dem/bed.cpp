@@ -4,11 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <numbers>
 #include <sstream>
 
+#include "core/environment.h"
 #include "core/version.h"
 #include "recording/checkpoint.h"
 #include "recording/hdf5_file.h"
@@ -39,6 +39,7 @@ void fill_column(Simulation& sim, const BedRecipe& recipe, int material, double 
   const auto nx = std::max(1, static_cast<int>(recipe.width / cell)),
              ny = std::max(1, static_cast<int>(recipe.length / cell));
   std::vector<std::vector<Grain>> cells;
+  const auto cell_of = [&](int i, int j, int k) { return (std::size_t(k) * std::size_t(ny) + std::size_t(j)) * std::size_t(nx) + std::size_t(i); };
   const auto wrap = [](int k, int n) { return (k % n + n) % n; };
   const auto at = [&](const Vec3& x) {
     return std::array<int, 3>{std::min(nx - 1, static_cast<int>(x.x() / recipe.width * nx)),
@@ -54,21 +55,20 @@ void fill_column(Simulation& sim, const BedRecipe& recipe, int material, double 
                    random.uniform(r, top));
       const auto c = at(x);
       bool free = true;
-      const auto layers = std::size_t(c[2] + 2) * std::size_t(nx * ny);
+      const auto layers = std::size_t(c[2] + 2) * std::size_t(nx) * std::size_t(ny);
       if (cells.size() < layers) cells.resize(layers);
       for (int dz = -1; dz <= 1 && free; ++dz)
         for (int dy = -1; dy <= 1 && free; ++dy)
           for (int dx = -1; dx <= 1 && free; ++dx) {
             if (c[2] + dz < 0) continue;
-            const auto index = std::size_t(((c[2] + dz) * ny + wrap(c[1] + dy, ny)) * nx + wrap(c[0] + dx, nx));
-            for (const Grain& g : cells[index]) {
+            for (const Grain& g : cells[cell_of(wrap(c[0] + dx, nx), wrap(c[1] + dy, ny), c[2] + dz)]) {
               Vec3 d = x - g.position;
               if (!recipe.walls) d = Vec3(nearest(d.x(), recipe.width), nearest(d.y(), recipe.length), d.z());
               if (d.squaredNorm() < (r + g.radius) * (r + g.radius)) free = false;
             }
           }
       if (!free) continue;
-      cells[std::size_t((c[2] * ny + c[1]) * nx + c[0])].push_back({r, x});
+      cells[cell_of(c[0], c[1], c[2])].push_back({r, x});
       sim.add_particle({x, r, recipe.grain_density, Vec3::Zero(), Vec3::Zero(), material});
       break;
     }
@@ -462,9 +462,9 @@ Bed load_bed(const std::string& path) {
 }
 
 std::string default_cache_folder() {
-  if (const char* own = std::getenv("TERRODE_CACHE"); own && *own) return own;
-  if (const char* xdg = std::getenv("XDG_CACHE_HOME"); xdg && *xdg) return std::string(xdg) + "/terrode";
-  if (const char* home = std::getenv("HOME"); home && *home) return std::string(home) + "/.cache/terrode";
+  if (const std::string own = environment("TERRODE_CACHE"); !own.empty()) return own;
+  if (const std::string xdg = environment("XDG_CACHE_HOME"); !xdg.empty()) return xdg + "/terrode";
+  if (const std::string home = environment("HOME"); !home.empty()) return home + "/.cache/terrode";
   return (std::filesystem::temp_directory_path() / "terrode").string();
 }
 

@@ -43,7 +43,8 @@ double surface_level(const Bed& bed) {
   double sum = 0.0;
   const auto nearest = [](double d, double period) { return d - period * std::nearbyint(d / period); };
   for (int k = 0; k < n * n; ++k) {
-    const double x = (k % n + 0.5) / n * bed.width, y = (k / n + 0.5) / n * bed.length;
+    const int column = k % n, row = k / n;
+    const double x = (column + 0.5) / n * bed.width, y = (row + 0.5) / n * bed.length;
     double top = 0.0;
     for (const Grain& g : bed.grains) {
       const double dx = nearest(g.position.x() - x, bed.width), dy = nearest(g.position.y() - y, bed.length);

@@ -36,6 +36,12 @@ double seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
+// Histories lie block by block, number by number, slot by slot: where number k of n of a slot stands.
+std::size_t history_at(int slot, int k, int n) {
+  const auto block = std::size_t(slot / block_size) * block_size;
+  return block * std::size_t(n) + std::size_t(k) * block_size + std::size_t(slot % block_size);
+}
+
 constexpr int max_materials = 8;
 constexpr std::int64_t check_interval = 200;  // steps between checks of energy and positions
 
@@ -411,8 +417,7 @@ void Simulation::invalidate_lists() {
             id_[std::size_t(chunk->pair_i[std::size_t(s)])], id_[std::size_t(chunk->pair_j[std::size_t(s)])], {}};
         bool any = false;
         for (int k = 0; k < n; ++k) {
-          pair.history[k] =
-              chunk->history[std::size_t(s / block_size * block_size * n + k * block_size + s % block_size)];
+          pair.history[k] = chunk->history[history_at(s, k, n)];
           any = any || pair.history[k] != 0.0;
         }
         if (any) carried_.push_back(pair);
@@ -680,11 +685,9 @@ void Simulation::fill_inner(Chunk& chunk) {
   const int n = history_size_;
   chunk.next_i.assign(std::size_t(slots), chunk.begin);
   chunk.next_j.assign(std::size_t(slots), chunk.begin);
-  chunk.next_history.assign(std::size_t(slots * n), 0.0);
-  chunk.exported.resize(std::size_t(8 * exports));
-  const auto index = [n](int slot, int k) {
-    return std::size_t(slot / block_size * block_size * n + k * block_size + slot % block_size);
-  };
+  chunk.next_history.assign(std::size_t(slots) * std::size_t(n), 0.0);
+  chunk.exported.resize(8 * std::size_t(exports));
+  const auto index = [n](int slot, int k) { return history_at(slot, k, n); };
   for (std::int32_t i = chunk.begin; i < chunk.end; ++i) {
     const auto row = std::size_t(i - chunk.begin);
     for (auto p = std::size_t(chunk.outer_start[row]); p < std::size_t(chunk.outer_start[row + 1]); ++p) {
@@ -993,8 +996,7 @@ void Simulation::visit_contacts(const Visit& visit) const {
         set_pair(c, d, xi, &velocity_[4 * i], &spin_[4 * i], xj, &velocity_[4 * j], &spin_[4 * j]);
         std::array<double, max_history> h{};
         for (int k = 0; k < n; ++k)
-          h[std::size_t(k)] =
-              chunk->history[std::size_t(s / block_size * block_size * n + k * block_size + s % block_size)];
+          h[std::size_t(k)] = chunk->history[history_at(s, k, n)];
         visit(int(i), int(j), laws_[std::size_t(run.law)], c, h);
       }
     SurfacePoint points[max_surface_points];

@@ -10,6 +10,7 @@
 #include <cstring>
 #include <memory>
 
+#include "core/environment.h"
 #include "core/problem.h"
 #include "liggghts/ranks.h"
 
@@ -75,8 +76,8 @@ std::vector<double> obey(Order order, std::span<const char> data) {
 // Whether mpirun, srun or the like started this process as one of several; MPI is left alone otherwise.
 bool launched() {
   const auto above = [](const char* name, int n) {
-    const char* value = std::getenv(name);
-    return value && std::atoi(value) > n;
+    const std::string value = environment(name);
+    return !value.empty() && std::atoi(value.c_str()) > n;
   };
   return above("OMPI_COMM_WORLD_SIZE", 1) || above("PMI_SIZE", 1) || (above("PMIX_RANK", -1) && above("SLURM_STEP_NUM_TASKS", 1));
 }

@@ -13,19 +13,19 @@ TEST(Utf8, CharactersOfEveryLengthAreValid) {
 }
 
 TEST(Utf8, FindsWhereATextIsNot) {
-  struct Case {
+  struct Text {
     std::string text;
     std::size_t at;
   };
-  for (const Case& c : {Case{"R\xe4" "der", 1},        // Latin-1
-                        Case{"ab\xf4>\n", 2},          // breaks off within a character
-                        Case{"ab\xe2\x82", 2},         // ends within one
-                        Case{"\xc0\xaf", 0},           // overlong in two bytes
-                        Case{"a\xe0\x9f\xbf", 1},      // in three
-                        Case{"a\xf0\x8f\xbf\xbf", 1},  // in four
-                        Case{"\xed\xa0\x80", 0},       // a surrogate
-                        Case{"\xf4\x90\x80\x80", 0},   // beyond the last character
-                        Case{"\xf0\x9f\x9b>", 0}, Case{"a\x80", 1}, Case{"\xff", 0}})
+  for (const Text& c : {Text{"R\xe4" "der", 1},        // Latin-1
+                        Text{"ab\xf4>\n", 2},          // breaks off within a character
+                        Text{"ab\xe2\x82", 2},         // ends within one
+                        Text{"\xc0\xaf", 0},           // overlong in two bytes
+                        Text{"a\xe0\x9f\xbf", 1},      // in three
+                        Text{"a\xf0\x8f\xbf\xbf", 1},  // in four
+                        Text{"\xed\xa0\x80", 0},       // a surrogate
+                        Text{"\xf4\x90\x80\x80", 0},   // beyond the last character
+                        Text{"\xf0\x9f\x9b>", 0}, Text{"a\x80", 1}, Text{"\xff", 0}})
     EXPECT_EQ(find_invalid_utf8(c.text), c.at) << c.text;
 }
 
