@@ -274,7 +274,7 @@ VehicleSpec read_urdf_machine(MapReader& map) {
     for (const std::string& t : in.left_out) source.notes.push_back(sidecar.file + ": left out: " + t);
     return in.machine;
   } catch (const InputError& e) {
-    for (Problem p : e.problems()) {
+    for (const Problem& p : e.problems()) {
       if (p.file.empty()) {
         const Node* at = map.node().at(p.key);
         source.problem(at != nullptr ? *at : map.node(), map.key(p.key), p.message, p.expected);
