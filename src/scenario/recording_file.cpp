@@ -359,7 +359,7 @@ class Reader {
       }
       if (use.kind == Use::Kind::kept) {
         if (c.name == "time") {
-          problems.push_back({table.file, table.rows.empty() ? 1 : 1, c.header_column, "time", "stands in a table of steady values",
+          problems.push_back({table.file, 1, c.header_column, "time", "stands in a table of steady values",
                               "one row for each run, no time"});
           uses.push_back(use);
           continue;

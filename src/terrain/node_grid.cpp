@@ -27,7 +27,8 @@ const NodeSurface* NodeGrid::surface_tile(NodeIndex i) const {
   if (!tile) {
     tile = std::make_unique<NodeSurface[]>(Tile::size * Tile::size);
     for (int j = 0; j < Tile::size * Tile::size; ++j) {
-      const double x = (tx * Tile::size + j % Tile::size) * spacing_, y = (ty * Tile::size + j / Tile::size) * spacing_;
+      const int ix = tx * Tile::size + j % Tile::size, iy = ty * Tile::size + j / Tile::size;
+      const double x = ix * spacing_, y = iy * spacing_;
       const Eigen::Vector2d g = surface_->gradient(x, y);
       tile[static_cast<std::size_t>(j)] = {surface_->height(x, y), g.x(), g.y()};
     }

@@ -15,7 +15,6 @@ using multibody::AxisJoint;
 using multibody::Body;
 using multibody::Hinge;
 using multibody::MassProperties;
-using multibody::Slider;
 
 namespace {
 

@@ -149,7 +149,7 @@ TEST(Particles, AreReadWrittenAndFilledInFromTheWheel) {
       "rig: {normal_load: 20 N}\n";
   const Scenario plain = parse_scenario(text, "a.yaml");
   EXPECT_DOUBLE_EQ(particle_sizes(plain).largest, 0.108 * 0.1);
-  EXPECT_DOUBLE_EQ(particle_window(plain).ahead, 0.12);
+  EXPECT_DOUBLE_EQ(particle_window(plain).ahead, 0.16);
   const Scenario s = parse_scenario(text + "particles: {smallest: 2.5 mm, largest: 10 mm, window_ahead: 7 cm, bed: full, rolling: epsd, "
                                            "rolling_rate: 6.75e8, wheel_surface: spheres, time_step: 2 us}\n", "a.yaml");
   EXPECT_DOUBLE_EQ(particle_sizes(s).smallest, 2.5e-3);
