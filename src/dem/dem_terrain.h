@@ -6,8 +6,8 @@
 //
 // The bed is laid from a settled periodic prism as the bodies reach it and is periodic along y. Only grains within a
 // window about the bodies move: those ahead of it are laid but frozen, those behind freeze where they are and thaw when
-// a body comes back; the window moves on by about the prism's side across the travel. A full bed, as in the paper, is laid at once instead, and moves as a whole but for the grains near
-// its border, which are fixed. The undisturbed surface, the mean height of the topmost grains seen from above, is at z = 0.
+// a body comes back; the window moves on by about the prism's side across the travel. A full bed, as in the paper, is
+// laid at once instead, and moves as a whole but for the grains near its border, which are fixed. The undisturbed surface, the mean height of the topmost grains seen from above, is at z = 0.
 #pragma once
 
 #include <memory>

@@ -70,8 +70,6 @@ struct Tried {
   Fit fit;
 };
 
-double cost(const Fit& f) { return f.chi2 + f.penalty; }
-
 // Every listed effect that can act on means, with starts for shapes that have several valleys.
 std::vector<std::vector<Hypothesis>> listed(const Model& model, const Options& options, const RippleSearch& ripples) {
   const Campaign& c = model.campaign();

@@ -78,6 +78,9 @@ struct Fit {
   bool converged = false;
 };
 
+// What a fit makes least.
+inline double cost(const Fit& f) { return f.chi2 + f.penalty; }
+
 class Model {
  public:
   explicit Model(const Campaign& campaign);

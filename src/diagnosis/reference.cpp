@@ -62,7 +62,7 @@ Fit fit_plain(Model& model, int threads) {
   Fit best;
   best.chi2 = std::numeric_limits<double>::infinity();
   for (const Fit& f : fits)
-    if (!std::isfinite(best.chi2) || f.chi2 + f.penalty < best.chi2 + best.penalty - 1e-6) best = f;
+    if (!std::isfinite(best.chi2) || cost(f) < cost(best) - 1e-6) best = f;
   if (!std::isfinite(best.chi2))
     throw RunError("diagnose: the plain model has no solution near the believed soil; check loads, wheel and soil");
   model.estimate_noise(best.base);

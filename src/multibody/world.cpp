@@ -19,8 +19,6 @@ namespace {
 constexpr double largest_number = 1e30;
 // Metres, metres a second and radians a second that no machine reaches: one that does has flown off.
 constexpr double farthest = 1e9, fastest = 1e9;
-// m/s2, ten thousand times the earth's: beyond any centrifuge.
-constexpr double strongest_gravity = 1e5;
 constexpr double saturation_share = 0.99;
 
 struct MessageSink {
@@ -83,9 +81,9 @@ Vec3 unit_axis(const std::string& joint, const Vec3& axis) {
 
 Problems WorldOptions::validate() const {
   Problems p;
-  if (!gravity.allFinite() || gravity.norm() > strongest_gravity)
+  if (!gravity.allFinite() || gravity.norm() > kStrongestGravity)
     p.push_back({{}, 0, 0, "world.gravity", gravity.allFinite() ? fmt::format("is {:.6g} m/s2", gravity.norm()) : "is not finite",
-                 fmt::format("three finite numbers, together at most {:g} m/s2", strongest_gravity)});
+                 fmt::format("three finite numbers, together at most {:g} m/s2", kStrongestGravity)});
   require(p, "world.cfm", cfm, "s/kg", cfm >= 0.0 && cfm < 1e-3, "a number from 0 to 1e-3");
   require(p, "world.erp", erp, "-", erp >= 0.0 && erp <= 1.0, "a number from 0 to 1");
   return p;

@@ -33,6 +33,8 @@ class World;
 inline constexpr double kShortestStep = 1e-9;
 // Of a body [kg]: likewise.
 inline constexpr double kLightest = 1e-9;
+// Ten thousand times the earth's [m/s2], beyond any centrifuge: under more the solver overflows within a few steps.
+inline constexpr double kStrongestGravity = 1e5;
 
 struct WorldOptions {
   Vec3 gravity{0.0, 0.0, -9.81};  // m/s2

@@ -21,7 +21,7 @@ Table<RigSpec> rig_table() {
       .number("ramp", "s", above(0), &RigSpec::ramp, "time in which the speeds rise")
       .number("time_step", "s", from_to(multibody::kShortestStep, 0.1), &RigSpec::time_step, "of the multibody simulation")
       .number("sample_interval", "s", above(0), &RigSpec::sample_interval, "of the time series")
-      .number("gravity", "m/s^2", {0, 1e5, true, false}, &RigSpec::gravity, "of the place")
+      .number("gravity", "m/s^2", {0, multibody::kStrongestGravity, true, false}, &RigSpec::gravity, "of the place")
       .number("slope", "rad", between(-1, 1), &RigSpec::slope, "of the rail, positive where it climbs")
       .number("carriage_mass", "kg", above(0), &RigSpec::carriage_mass, "felt where the carriage is free")
       .number("lifted_mass", "kg", above(0), &RigSpec::lifted_mass, "that moves up and down; absent: the load as dead weight");

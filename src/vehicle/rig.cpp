@@ -45,7 +45,7 @@ Problems RigSpec::validate() const {
   if (lifted_mass)
     require(p, "rig.lifted_mass", *lifted_mass, "kg", *lifted_mass > wheel_mass, "more than the wheel's mass");
   require(p, "rig.carriage_mass", carriage_mass, "kg", carriage_mass > 0.0, "a mass above 0");
-  require(p, "rig.gravity", gravity, "m/s^2", gravity > 0.0, "an acceleration above 0");
+  require(p, "rig.gravity", gravity, "m/s^2", gravity > 0.0 && gravity <= multibody::kStrongestGravity, "an acceleration above 0, at most 1e5 m/s^2");
   require(p, "rig.slope", slope, "rad", std::abs(slope) < 1.2, "an angle within 1.2 rad");
   require(p, "rig.time_step", time_step, "s", time_step >= multibody::kShortestStep && time_step <= 0.1, "a time from 1e-9 to 0.1 s");
   require(p, "rig.sample_interval", sample_interval, "s", sample_interval >= 0.0, "a time, 0 or more");

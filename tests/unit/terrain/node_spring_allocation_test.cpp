@@ -5,27 +5,16 @@
 #include <cstdlib>
 #include <new>
 
+#include "../../sanitized.h"
 #include "terrain/node_spring.h"
 #include "wheel/wheel.h"
-
-// A sanitizer has operators new and delete of its own.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define TERRODE_OWN_NEW 0
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define TERRODE_OWN_NEW 0
-#endif
-#endif
-#ifndef TERRODE_OWN_NEW
-#define TERRODE_OWN_NEW 1
-#endif
 
 namespace {
 std::atomic<long> allocations{0};
 std::atomic<bool> counting{false};
 }  // namespace
 
-#if TERRODE_OWN_NEW
+#if !TERRODE_SANITIZED
 // Kept whole: where the compiler inlines one of a pair it warns that the two do not match.
 [[gnu::noinline]] void* operator new(std::size_t size) {
   if (counting) ++allocations;
@@ -40,7 +29,7 @@ namespace terrode {
 namespace {
 
 TEST(NodeSpring, AStepAllocatesNothing) {
-  if (!TERRODE_OWN_NEW) GTEST_SKIP() << "operator new is that of the sanitizer, which does not count";
+  if (kSanitized) GTEST_SKIP() << "operator new is that of the sanitizer, which does not count";
   for (const double crown : {0.0, 0.5})
     for (const double yaw : {0.0, 0.3}) {
       terrain::NodeSpringTerrain ground{terrain::NodeSpringParams{}};
