@@ -692,6 +692,19 @@ class Diagnoser {
     return poor && all_after > 0.0625 * all_before;
   }
 
+  // The strengths that a fit has pushed to the limit of what is published for their law, as `effect.parameter`: the data want
+  // more of it than any soil or rig has shown.
+  static std::vector<std::string> stretched(const Tried& t) {
+    std::vector<std::string> out;
+    for (std::size_t k = 0; k < t.fit.parameters.size(); ++k) {
+      const FitParameter& p = t.fit.parameters[k];
+      const double near = 1e-3 * (p.upper - p.lower);
+      const auto at = [&](double limit) { return std::abs(limit - p.null_value) > near && std::abs(t.fit.extra[k] - limit) < near; };
+      if (p.strength && (at(p.lower) || at(p.upper))) out.push_back(t.hypothesis.effects[p.effect].id + "." + p.name);
+    }
+    return out;
+  }
+
   // The channel of which most is left, over its scatter.
   std::pair<double, int> worst_lack(const Tried& t) const {
     const auto left = lack_of_fit(t);
@@ -1004,6 +1017,8 @@ class Diagnoser {
                                    100 * out_.false_alarm_rate);
     }
     if (named) {
+      for (const std::string& strength : stretched(best_))
+        out_.remarks.push_back(fmt::format("{} has reached the limit of its range: something stronger than what is published of it, or another cause, acts", strength));
       for (const Finding& f : wide)
         out_.remarks.push_back(fmt::format("something further acts that these data cannot single out; the likeliest are {}", plural(f.ids)));
       wide.insert(wide.begin(), found.begin(), found.end());
@@ -1057,9 +1072,10 @@ class Diagnoser {
     const Tried* more = nullptr;
     for (const Tried& t : on_top)
       if (std::isfinite(t.fit.chi2) && (!more || cost(t.fit) < cost(more->fit))) more = &t;
-    // Few repeats can take the scatter too small by so much; what a term takes up then counts in that scatter.
+    // Few repeats can take the scatter too small by so much; what a term takes up then counts in that scatter. That excuses no
+    // law at the limit of its range.
     const auto [left, channel] = worst_lack(best_);
-    if (more && left < kPoorByChance && cost(best_.fit) - cost(more->fit) < out_.gate * std::max(left * left, overdispersion(more->fit))) more = nullptr;
+    if (more && left < kPoorByChance && stretched(best_).empty() && cost(best_.fit) - cost(more->fit) < out_.gate * std::max(left * left, overdispersion(more->fit))) more = nullptr;
     if (!alone && !more) {
       if (poor)
         out_.remarks.push_back(fmt::format("{} leaves {:.2g} times the scatter of the runs in {}, where no shape over slip and load helps: the scatter may be larger than the repeats show",

@@ -176,6 +176,22 @@ TEST(Diagnose, EachOfTwoCausesKeepsItsPlace) {
   }
 }
 
+// A slope of the rig ends at 0.5 rad.
+TEST(Diagnose, SaysWhenALawReachesTheLimitOfItsRange) {
+  for (const double angle : {0.45, 0.505}) {
+    SCOPED_TRACE(angle);
+    Truth truth;
+    truth.change = [&](const Condition& q, double* y) { y[0] -= q.normal_load * std::sin(angle); };
+    Options options;
+    for (const effects::EffectType& t : effects::all_effects())
+      if (t.info->id != "slope") options.without.emplace_back(t.info->id);
+    const Diagnosis d = diagnose(campaign(truth), options);
+    const bool says = std::any_of(d.remarks.begin(), d.remarks.end(), [](const std::string& r) { return r.starts_with("slope.angle has reached the limit of its range"); });
+    EXPECT_TRUE(names(d, "slope")) << d.statement;
+    EXPECT_EQ(says, angle > 0.5);
+  }
+}
+
 TEST(Diagnose, FindsLugsInTheOrderSpectrum) {
   Truth truth;
   truth.ripple = [](const Condition& q, double t) { return 1.5 * std::sin(18 * q.angular_velocity * t + 0.3); };
