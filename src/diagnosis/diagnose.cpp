@@ -630,7 +630,8 @@ class Diagnoser {
       // conditions that took no part in the fit: small change to a form that does not quite fit helps there little.
       out_.growth.push_back({tried[top].hypothesis.label(), more, lack_of_fit(best_), lack_of_fit(tried[top])});
       if (more < kFurther || chi < out_.gate + 6.0) break;
-      const auto [without, with] = held_out(best_, tried[top]);
+      const HeldOut held = held_out(best_, tried[top]);
+      const auto& [without, with] = held.error;
       // No channel may pay for another: what mends one and spoils the next is not the cause.
       const std::array<double, kChannels> floor = scatter_of_means();
       double improvement = 0, least = 0;
@@ -639,7 +640,11 @@ class Diagnoser {
         improvement += std::log(without[ch] / with[ch]);
         least = std::min(least, std::log((without[ch] + floor[ch]) / (with[ch] + floor[ch])));
       }
-      if (improvement < (depth == 0 ? 0.15 : 0.25) || least < -0.15) break;
+      // What by its nature moves no mean (a sensor that lags) is held against the whole series.
+      const effects::Fingerprint& mark = effects::find_effect(tried[top].hypothesis.effects.back().id)->info->fingerprint;
+      const bool of_series = mark.pull == 0 && mark.torque == 0 && mark.sinkage == 0;
+      const bool helps = of_series ? held.series > out_.gate * overdispersion(tried[top].fit) : improvement >= (depth == 0 ? 0.15 : 0.25);
+      if (!helps || least < -0.15) break;
       best_ = tried[top];
       slots_ = promising[top].second;
     }
@@ -716,6 +721,7 @@ class Diagnoser {
   struct Fold {
     bool solved = false;
     Fit fit;
+    double chi2 = 0;  // of their whole series
     std::array<double, kChannels> squares{};
     std::array<int, kChannels> count{};
   };
@@ -734,39 +740,50 @@ class Diagnoser {
             out.squares[ch] += std::pow(m[0] - m[1], 2);
             ++out.count[ch];
           }
+      const std::vector<char> none(held.size(), 0);
+      out.chi2 = model_.residuals(h, out.fit, held).squaredNorm() - model_.residuals(h, out.fit, none).squaredNorm();
       out.solved = true;
     } catch (const RunError&) {
     }
     return out;
   }
 
-  // Root mean square errors by channel of means of runs in blocks that were left out of the fit, of two explanations. Where
-  // there are enough blocks the one that speaks loudest for either is left out: no name may hang on one stretch of slip.
-  std::array<std::array<double, kChannels>, 2> held_out(const Tried& a, const Tried& b) const {
+  // Two explanations on blocks that were left out of their fits.
+  struct HeldOut {
+    std::array<std::array<double, kChannels>, 2> error{};  // of the runs' means, root mean square by channel
+    double series = 0;                                     // chi-square of the runs' whole series that the second gains
+  };
+  // Where there are enough blocks the one that speaks loudest for either is left out: no name may hang on one stretch of slip.
+  HeldOut held_out(const Tried& a, const Tried& b) const {
     const auto blocks = blocks_of(campaign_);
     const std::array<const Tried*, 2> both = {&a, &b};
     const std::array<Hypothesis, 2> from = {continued(model_, a), continued(model_, b)};
-    std::vector<std::array<Fold, 2>> folds(blocks.size());
+    using Folds = std::array<Fold, 2>;
+    std::vector<Folds> folds(blocks.size());
     parallel_for(2 * blocks.size(), options_.threads, [&](std::size_t k) { folds[k / 2][k % 2] = fold(*both[k % 2], from[k % 2], blocks[k / 2].second, 6); });
-    std::erase_if(folds, [](const auto& f) { return !f[0].solved || !f[1].solved; });
-    std::array<std::array<double, kChannels>, 2> out{};
+    std::erase_if(folds, [](const Folds& f) { return !f[0].solved || !f[1].solved; });
+    const auto heard = [&](const auto& takes_part, const auto& gain) {
+      std::vector<const Folds*> out;
+      for (const Folds& f : folds)
+        if (takes_part(f)) out.push_back(&f);
+      std::sort(out.begin(), out.end(), [&](const Folds* x, const Folds* y) { return gain(*x) < gain(*y); });
+      if (out.size() >= kBlocksToTrim) {
+        if (gain(*out.back()) > 0) out.pop_back();
+        if (gain(*out.front()) < 0) out.erase(out.begin());
+      }
+      return out;
+    };
+    HeldOut out;
     for (std::size_t ch = 0; ch < kChannels; ++ch) {
-      std::vector<const std::array<Fold, 2>*> of_channel;
-      for (const auto& f : folds)
-        if (f[0].count[ch] > 0) of_channel.push_back(&f);
-      const auto gain = [ch](const std::array<Fold, 2>* f) { return (*f)[0].squares[ch] - (*f)[1].squares[ch]; };
-      std::sort(of_channel.begin(), of_channel.end(), [&](auto* x, auto* y) { return gain(x) < gain(y); });
-      if (of_channel.size() >= kBlocksToTrim) {
-        if (gain(of_channel.back()) > 0) of_channel.pop_back();
-        if (gain(of_channel.front()) < 0) of_channel.erase(of_channel.begin());
-      }
       int n = 0;
-      for (const auto* f : of_channel) {
+      for (const Folds* f : heard([ch](const Folds& x) { return x[0].count[ch] > 0; }, [ch](const Folds& x) { return x[0].squares[ch] - x[1].squares[ch]; })) {
         n += (*f)[0].count[ch];
-        for (std::size_t k = 0; k < 2; ++k) out[k][ch] += (*f)[k].squares[ch];
+        for (std::size_t k = 0; k < 2; ++k) out.error[k][ch] += (*f)[k].squares[ch];
       }
-      for (auto& o : out) o[ch] = n ? std::sqrt(o[ch] / n) : 0.0;
+      for (auto& o : out.error) o[ch] = n ? std::sqrt(o[ch] / n) : 0.0;
     }
+    const auto gain = [](const Folds& f) { return f[0].chi2 - f[1].chi2; };
+    for (const Folds* f : heard([](const Folds&) { return true; }, gain)) out.series += gain(*f);
     return out;
   }
 

@@ -20,6 +20,7 @@ struct Truth {
   std::function<double(const Condition&, double t)> ripple = [](const Condition&, double) { return 0.0; };
   double out_of_round = 0.0;  // m, once per turn, at another phase in each run
   double run_in = 0.0;        // m of rim path over which forces grow by half
+  double lag = 0.0;           // s by which the pull's sensor follows
   unsigned long seed = 1;
   int repeats = 2;
   bool tests = true;
@@ -68,11 +69,13 @@ recording::Recording campaign(const Truth& truth) {
       run.condition.repeat = repeat;
       run.channels = {{"drawbar_pull", "N", {}}, {"driving_torque", "N m", {}}, {"sinkage", "m", {}}};
       const double phase = truth.out_of_round > 0 ? 6.28 * random.uniform() : 0.0;
+      double read = 0;
       for (int i = 0; i < 200; ++i) {
         const double t = 0.05 * i, x = q.angular_velocity * 0.13 * t, settled = 1 - std::exp(-x / 0.02);
         run.time.push_back(t);
         const double late = truth.run_in > 0 ? 1 - 0.5 * std::exp(-x / truth.run_in) : 1.0;
-        run.channels[0].values.push_back(y[0] * settled * late + truth.ripple(q, t) + 0.8 * random.normal());
+        read += (y[0] * settled * late - read) * (truth.lag > 0 ? 1 - std::exp(-0.05 / truth.lag) : 1);
+        run.channels[0].values.push_back(read + truth.ripple(q, t) + 0.8 * random.normal());
         run.channels[1].values.push_back(y[1] * settled * late + 0.13 * truth.ripple(q, t) + 0.1 * random.normal());
         run.channels[2].values.push_back(y[2] * (1 - 0.15 * (1 - settled)) * (0.4 + 0.6 * late) + truth.out_of_round * std::cos(q.angular_velocity * t + phase) + 2e-4 * random.normal());
       }
@@ -171,6 +174,15 @@ TEST(Diagnose, EachOfTwoCausesKeepsItsPlace) {
   EXPECT_LT(torque.change[2], 1e-4);
   EXPECT_LT(sinkage.change[1], 0.5);
   EXPECT_GT(sinkage.change[2], 1e-3);
+}
+
+TEST(Diagnose, FindsASensorThatLagsBesideACauseOfTheSoil) {
+  Truth truth;
+  truth.effects = on({{"slip_sinkage", {{"n1", 0.4}}}});
+  truth.lag = 0.8;
+  const Diagnosis d = diagnose(campaign(truth));
+  EXPECT_TRUE(names(d, "slip_sinkage")) << d.statement;
+  EXPECT_TRUE(names(d, "sensor_lag")) << d.statement;
 }
 
 // A slope of the rig ends at 0.5 rad.
