@@ -19,23 +19,29 @@ TEST(LiggghtsGroundLong, MeansOverSixPlacesAgreeWithinTheirScatter) {
     dem::DemTerrain ours(p.bed);
     b.push_back(drive(ours, x));
   }
-  const auto compare = [&](const char* name, const std::function<double(const Phases&)>& of) {
-    double mean = 0.0, square = 0.0, size = 0.0;
+  using Of = std::function<double(const Phases&)>;
+  const auto compare = [&](const char* name, const Of& of, const Of& scale) {
+    double mean = 0.0, square = 0.0, size = 0.0, reference = 0.0;
     for (std::size_t k = 0; k < places; ++k) {
       const double d = of(a[k]) - of(b[k]);
       mean += d / places;
       square += d * d / places;
       size += of(b[k]) / places;
+      reference += scale(b[k]) / places;
     }
     const double sem = std::sqrt(std::max(0.0, square - mean * mean) / (places - 1));
     std::printf("%s: ours %.4g, theirs more by %.2g +- %.2g\n", name, size, mean, sem);
     EXPECT_LT(std::abs(mean), 3.0 * sem) << name;
-    EXPECT_LT(sem, std::abs(size) / 3.0) << name << " scatters too much to say anything";
+    EXPECT_LT(sem, std::abs(reference) / 3.0) << name << " scatters too much to say anything";
   };
-  compare("force while pressed in [N]", [](const Phases& f) { return f.pressed.z(); });
-  compare("force at rest [N]", [](const Phases& f) { return f.held.z(); });
-  compare("load while rolling [N]", [](const Phases& f) { return f.rolled.z(); });
-  compare("torque while rolling [N m]", [](const Phases& f) { return f.torque; });
+  const Of pressed = [](const Phases& f) { return f.pressed.z(); };
+  const Of held = [](const Phases& f) { return f.held.z(); };
+  const Of rolled = [](const Phases& f) { return f.rolled.z(); };
+  const Of torque = [](const Phases& f) { return f.torque; };
+  compare("force while pressed in [N]", pressed, pressed);
+  compare("force at rest [N]", held, pressed);  // of some beds next to nothing is left
+  compare("load while rolling [N]", rolled, rolled);
+  compare("torque while rolling [N m]", torque, torque);
 }
 
 }  // namespace
