@@ -10,6 +10,7 @@
 
 #include "cli/commands.h"
 #include "cli/converge_against.h"
+#include "cli/input.h"
 #include "cli/sweep_result.h"
 #include "cli/terminal.h"
 #include "core/parallel.h"
@@ -137,7 +138,7 @@ double contacts(const SweepPoint& p) {
 }
 
 void converge(const ConvergeArguments& arguments, Common& common) {
-  Scenario base = scenario::load_scenario(arguments.scenario);
+  Scenario base = load_input(arguments.scenario, common);
   scenario::set_if(base.terrain.node_spacing, arguments.node_spacing);
   scenario::set_if(base.rig.time_step, arguments.time_step);
   scenario::set_if(base.rig.travel, arguments.travel);
@@ -173,7 +174,7 @@ void converge(const ConvergeArguments& arguments, Common& common) {
   for (std::size_t i = 0; i < values.size(); ++i) {
     choice->set(scenarios[i], values[i]);
     scenario::MethodSettings settings;
-    settings.seed = common.seed;
+    settings.seed = static_cast<std::uint64_t>(base.seed);
     settings.progress = show_progress(common);
     methods.push_back(scenario::make_method(arguments.method, scenarios[i], settings));
     methods.back().name = fmt::format("{} {}", arguments.method, values[i]);

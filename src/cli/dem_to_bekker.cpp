@@ -198,7 +198,7 @@ void dem_to_bekker(const DemToBekkerArguments& a, Common& common) {
   std::error_code problem;
   fs::create_directories(folder / "tests", problem);
   if (problem) throw InputError(Problem{a.output, 0, 0, {}, "cannot be made: " + problem.message(), "a folder"});
-  const std::uint64_t seed = common.seed_option && common.seed_option->count() > 0 ? common.seed : static_cast<std::uint64_t>(std::max(0, s.seed));
+  const std::uint64_t seed = static_cast<std::uint64_t>(s.seed);
   Progress progress = show_progress(common);
   const int threads = thread_count(common.threads);
   const dem::DemTerrainParams ground = scenario::particle_params(s, threads);

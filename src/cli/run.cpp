@@ -64,7 +64,7 @@ void run_rig(const RunArguments& a, Common& common) {
     s.rig.slip = slips.front();
   }
   scenario::MethodSettings settings;
-  settings.seed = common.seed_option && common.seed_option->count() > 0 ? common.seed : static_cast<std::uint64_t>(s.seed);
+  settings.seed = static_cast<std::uint64_t>(s.seed);
   settings.threads = common.threads;
   const scenario::OperatingPoint at = s.operating_points({s.rig.slip}).front();
   recording::Condition condition = scenario::condition_of(at, s.wheel.radius);

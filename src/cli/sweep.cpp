@@ -165,7 +165,7 @@ void sweep(const SweepArguments& arguments, Common& common) {
   const std::vector<OperatingPoint> points =
       arguments.slips.empty() ? s.operating_points() : s.operating_points(scenario::parse_slips(arguments.slips));
   scenario::MethodSettings settings;
-  settings.seed = common.seed_option && common.seed_option->count() > 0 ? common.seed : static_cast<std::uint64_t>(s.seed);
+  settings.seed = static_cast<std::uint64_t>(s.seed);
   // Threads that the points leave over serve the grains of each.
   settings.threads = std::max(1, thread_count(common.threads) / static_cast<int>(points.size() * names.size()));
   settings.progress = show_progress(common);

@@ -221,6 +221,28 @@ TEST_F(Program, NumbersDoNotDependOnThreads) {
   EXPECT_EQ(one, numbers("2"));
 }
 
+// Of a wheel on grains the seed is that of the bed.
+TEST_F(Program, TheSeedReachesTheGrains) {
+  setenv("TERRODE_CACHE", file("beds").string().c_str(), 1);
+  const std::string name = file("small.yaml").string();
+  std::ofstream(name) << "wheel: {radius: 40 mm, width: 25 mm, mass: 0.1 kg}\n"
+                         "soil: {bekker: {cohesion: 0, friction_angle: 30 deg, shear_modulus: 10 mm, n: 1, k: 10 kPa, plate_width: 50 mm}}\n"
+                         "rig: {normal_load: 3 N, angular_velocity: 2, travel: 2 mm, ramp: 0.02}\n"
+                         "particles: {smallest: 7 mm, largest: 8 mm, prism: 36 mm, depth: 24 mm, width: 36 mm, window_ahead: 36 mm,\n"
+                         "            window_behind: 30 mm, time_step_fraction: 0.25}\n";
+  const auto pull = [&](std::vector<std::string> more) {
+    std::vector<std::string> words = {"sweep", name, "--method", "dem", "--slip", "0.3", "--json", "--quiet"};
+    words.insert(words.end(), more.begin(), more.end());
+    const Outcome o = run(words);
+    EXPECT_EQ(o.status, 0) << o.err;
+    return json::parse(o.out)["results"][0]["points"][0]["drawbar_pull"].get<double>();
+  };
+  const double own = pull({});
+  EXPECT_EQ(pull({"--seed", "1"}), own);
+  EXPECT_NE(pull({"--seed", "2"}), own);
+  unsetenv("TERRODE_CACHE");
+}
+
 TEST_F(Program, ResultFilesAreResumedAndNeverMixed) {
   const std::string name = scenario(), output = file("o.h5").string();
   ASSERT_EQ(run({"sweep", name, "--method", "steady", "-o", output}).status, 0);
