@@ -97,7 +97,6 @@ py::dict sweep(const std::string& path, const std::vector<std::string>& names, c
   if (slips) given.assign(slips->data(), slips->data() + slips->size());
   const std::vector<scenario::OperatingPoint> points = slips ? s.operating_points(given) : s.operating_points();
   scenario::MethodSettings settings;
-  settings.seed = static_cast<std::uint64_t>(s.seed);
   std::vector<vehicle::SweepMethod> methods;
   for (const std::string& name : names) methods.push_back(scenario::make_method(name, s, settings));
   std::vector<recording::Condition> conditions;

@@ -174,7 +174,6 @@ void converge(const ConvergeArguments& arguments, Common& common) {
   for (std::size_t i = 0; i < values.size(); ++i) {
     choice->set(scenarios[i], values[i]);
     scenario::MethodSettings settings;
-    settings.seed = static_cast<std::uint64_t>(base.seed);
     settings.progress = show_progress(common);
     methods.push_back(scenario::make_method(arguments.method, scenarios[i], settings));
     methods.back().name = fmt::format("{} {}", arguments.method, values[i]);

@@ -25,7 +25,6 @@ std::vector<OperatingPoint> points_of(const Scenario& s, const std::vector<doubl
 
 scenario::MethodSettings settings_of(const Common& common) {
   scenario::MethodSettings out;
-  out.seed = common.seed;
   out.progress = show_progress(common);
   return out;
 }

@@ -64,7 +64,6 @@ void run_rig(const RunArguments& a, Common& common) {
     s.rig.slip = slips.front();
   }
   scenario::MethodSettings settings;
-  settings.seed = static_cast<std::uint64_t>(s.seed);
   settings.threads = common.threads;
   const scenario::OperatingPoint at = s.operating_points({s.rig.slip}).front();
   recording::Condition condition = scenario::condition_of(at, s.wheel.radius);
@@ -76,8 +75,8 @@ void run_rig(const RunArguments& a, Common& common) {
   header.scenario_resolved = scenario::to_yaml(s) + scenario::ground_files(s);
   header.slip_convention = s.rig.slip_convention;
   header.command = common.command_line;
-  header.seed = static_cast<std::int64_t>(settings.seed);
-  const std::string work = fmt::format("run --method {} --slip {} --frames {} --seed {}\n{}", method, at.slip, a.frames, settings.seed,
+  header.seed = s.seed;
+  const std::string work = fmt::format("run --method {} --slip {} --frames {} --seed {}\n{}", method, at.slip, a.frames, s.seed,
                                        header.scenario_resolved);
   KeptRun kept(a.kept, std::move(header), work, common);
   settings.resume = kept.resume();

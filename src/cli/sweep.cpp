@@ -165,7 +165,6 @@ void sweep(const SweepArguments& arguments, Common& common) {
   const std::vector<OperatingPoint> points =
       arguments.slips.empty() ? s.operating_points() : s.operating_points(scenario::parse_slips(arguments.slips));
   scenario::MethodSettings settings;
-  settings.seed = static_cast<std::uint64_t>(s.seed);
   // Threads that the points leave over serve the grains of each.
   settings.threads = std::max(1, thread_count(common.threads) / static_cast<int>(points.size() * names.size()));
   settings.progress = show_progress(common);
@@ -173,7 +172,7 @@ void sweep(const SweepArguments& arguments, Common& common) {
   std::vector<Checkpoints> kept;
   for (const std::string& name : names) {
     if (!arguments.output.empty()) {
-      kept.emplace_back(arguments.output, name, physics_of(s, settings.seed), arguments.seconds.value_or(30.0));
+      kept.emplace_back(arguments.output, name, physics_of(s), arguments.seconds.value_or(30.0));
       settings.memory = kept.back().memory();
     }
     methods.push_back(scenario::make_method(name, s, settings));
@@ -185,10 +184,10 @@ void sweep(const SweepArguments& arguments, Common& common) {
     header.title = s.title;
     header.scenario_file = s.file;
     header.scenario_text = s.text;
-    header.scenario_resolved = physics_of(s, settings.seed);
+    header.scenario_resolved = physics_of(s);
     header.slip_convention = s.rig.slip_convention;
     header.command = common.command_line;
-    header.seed = static_cast<std::int64_t>(settings.seed);
+    header.seed = s.seed;
     file = std::make_unique<SweepFile>(arguments.output, std::move(header), arguments.overwrite, arguments.seconds.value_or(3.0), common);
     for (const std::string& m : names)
       for (const OperatingPoint& p : points) file->row(m, p);

@@ -156,14 +156,13 @@ std::string energy_text(const std::vector<SweepPoint>& points) {
                      in, out, plastic, slip, damping, stored, step, count > 1 ? " in the worst run" : "", 100.0 * worst);
 }
 
-std::string physics_of(scenario::Scenario s, std::uint64_t seed) {
+std::string physics_of(scenario::Scenario s) {
   s.title.clear();
   s.methods.clear();
   s.slips.clear();
   s.conditions.clear();
   s.measured.reset();
   s.rig.slip = 0.0;
-  s.seed = static_cast<int>(seed);
   return scenario::to_yaml(s) + scenario::ground_files(s);
 }
 

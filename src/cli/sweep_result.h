@@ -62,7 +62,7 @@ std::string energy_text(const std::vector<SweepPoint>& points);
 
 // What decides whether two pieces of work belong together: everything of a scenario but which points and methods are
 // asked for.
-std::string physics_of(scenario::Scenario s, std::uint64_t seed);
+std::string physics_of(scenario::Scenario s);
 
 // The points of a method as columns and back.
 recording::ResultTable to_table(const std::vector<SweepPoint>& points);

@@ -23,7 +23,6 @@ vehicle::RigSpec rig_spec(const Scenario& scenario);
 vehicle::RigMotion rig_motion(const Scenario& scenario);
 
 struct MethodSettings {
-  std::uint64_t seed = 1;
   int threads = 1;  // that one point may use itself
   vehicle::RunMemory memory;  // where unfinished runs are kept
   Progress progress;  // of what is made ready once, such as a settled bed
