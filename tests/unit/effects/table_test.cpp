@@ -8,6 +8,7 @@
 #include <map>
 #include <numbers>
 
+#include "bekker/bulldozing.h"
 #include "core/random.h"
 #include "effects/steady_reading.h"
 
@@ -295,6 +296,9 @@ const std::vector<Line>& table() {
          const double n = std::pow(std::tan(pi / 4 + s.friction_angle / 2), 2), z = b.sinkage;
          EXPECT_NEAR(b.drawbar_pull - a.drawbar_pull, 2 * 0.16 * (s.unit_weight() * z * z * n / 2 + 2 * s.cohesion * z * std::sqrt(n)), 1e-8);
          EXPECT_NEAR(a.driving_torque, b.driving_torque, 1e-9);
+         const Reading hegedus = with(t, {{"factor", 2}, {"form", 1}});
+         EXPECT_NEAR(b.drawbar_pull - hegedus.drawbar_pull,
+                     2 * 0.16 * bekker::bulldozing_resistance(s.cohesion, std::tan(s.friction_angle), s.unit_weight(), z), 1e-8);
        }},
       {"bed_drift", "sinkage linear in x",
        [](const EffectType& t) { EXPECT_NEAR(with(t, {{"slope", 0.01}}).sinkage - without().sinkage, 0.01 * 0.2, 1e-12); }},
