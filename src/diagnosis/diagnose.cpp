@@ -12,31 +12,22 @@
 #include "core/linear_algebra.h"
 #include "core/parallel.h"
 #include "core/random.h"
+#include "diagnosis/held_out.h"
+#include "diagnosis/hypotheses.h"
+#include "diagnosis/locate.h"
+#include "diagnosis/quality.h"
 #include "diagnosis/reference.h"
+#include "diagnosis/ripple_findings.h"
+#include "diagnosis/words.h"
 
 namespace terrode::diagnosis {
 namespace {
 
-// Wheels with more lugs than this are not built.
-constexpr double kMostLugs = 60;
-
-bool can_be(const RippleLine& l, Lock lock) {
-  return l.lock == lock || std::find(l.alternatives.begin(), l.alternatives.end(), lock) != l.alternatives.end();
-}
-
-// A line that only the drawbar pull shows.
-bool pull_alone(const RippleLine& l) { return l.channel_score[0] > 15 && l.channel_score[1] < 0.25 * l.channel_score[0] && l.channel_score[2] < 0.25 * l.channel_score[0]; }
-
-// Root mean square ripple of a soil that fails in small blocks, over the rim force: every smooth wheel on sand shows
-// about one percent (Shikanai et al. 2000 call it small); a cause is named from twice that.
-constexpr double kNaturalRipple = 0.018;
-
-// Within runs as rough as this (grains under a small wheel: a fifth) the ripple of lugs, a tenth, can hide.
-constexpr double kRough = 0.15;
-
 // A law leaves over about a tenth of what it changes when nature follows another published form of it; squared. What a
 // rig or a sensor does to a reading is known better.
 constexpr double kFormError = 0.01, kReadingError = 0.002;
+// What statics or a constant of a sensor can leave over, as a share of the chi-square that it gains: 2 % of what it changes.
+constexpr double kExactError = 5e-4;
 // Odds (nats) that a further effect must bring, for it is picked from many.
 constexpr double kFurther = 6.0;
 // As many more where it is of those that the first is confused with.
@@ -48,8 +39,6 @@ constexpr double kTemperature = 1.5;
 constexpr double kPoorFit = 1.45, kScatterOfFit = 1.7;
 // What they reach where two or three repeats show half of the scatter.
 constexpr double kPoorByChance = 1.8;
-// From so many held-out blocks on the loudest for and the loudest against are left out.
-constexpr std::size_t kBlocksToTrim = 6;
 // Independent looks at that share which one channel gives.
 constexpr double kLooks = 8.0;
 
@@ -63,221 +52,6 @@ constexpr double kWithoutRepeats = 0.9;
 double probability_held(double p) {
   const double odds = std::clamp(p, 1e-9, 1.0 - 1e-9);
   return std::min(kMostHeld, 1.0 / (1.0 + std::exp(-kHeldShift - kHeldSlope * std::log(odds / (1.0 - odds)))));
-}
-
-struct Tried {
-  Hypothesis hypothesis;
-  Fit fit;
-};
-
-// Every listed effect that can act on means, with starts for shapes that have several valleys.
-std::vector<std::vector<Hypothesis>> listed(const Model& model, const Options& options, const RippleSearch& ripples) {
-  const Campaign& c = model.campaign();
-  std::array<bool, kChannels> has{};
-  bool series = false;
-  for (const RunData& r : c.runs) {
-    series = series || !r.steady;
-    for (std::size_t ch = 0; ch < kChannels; ++ch) has[ch] = has[ch] || r.has[ch];
-  }
-  int highest_pass = 1;
-  for (const Condition& q : c.conditions) {
-    highest_pass = std::max(highest_pass, q.pass);
-  }
-  effects::Surroundings at{c.wheel.radius, c.believed.friction_angle, static_cast<double>(c.known_grousers),
-                           ripples.runs >= 3 && ripples.roughness < kRough};
-  for (const RippleLine& l : ripples.lines)
-    if (l.lock == Lock::wheel && l.order >= 4) at.lugs = l.order;
-  std::vector<std::vector<Hypothesis>> out;
-  for (const effects::EffectType& t : effects::all_effects()) {
-    const std::string id(t.info->id);
-    const effects::Fingerprint& mark = t.info->fingerprint;
-    const effects::Search& search = t.info->search;
-    if (search.ripple_alone || std::find(options.without.begin(), options.without.end(), id) != options.without.end()) continue;
-    if (mark.with_pass && highest_pass < 2) continue;
-    if (!series && (mark.with_time || mark.with_position || search.needs_series)) continue;
-    // What rig or sensor do to one channel needs that channel.
-    bool of_one_channel = false;
-    for (const effects::Parameter& p : t.info->parameters) of_one_channel = of_one_channel || p.name == "channel";
-    if (t.info->cls == effects::Class::rig && !of_one_channel) {
-      const int moved = (mark.pull != 0) + (mark.torque != 0) + (mark.sinkage != 0);
-      if (moved == 1 && !((mark.pull && has[0]) || (mark.torque && has[1]) || (mark.sinkage && has[2]))) continue;
-    }
-    std::vector<effects::Start> from = search.starts ? search.starts(at) : std::vector<effects::Start>{{}};
-    if (from.empty()) continue;
-    // Every form of the law; a choice of channel makes candidates of their own.
-    for (const effects::Parameter& p : t.info->parameters) {
-      const std::string name(p.name);
-      if (p.scale != effects::Scale::choice || from.front().contains(name)) continue;
-      std::vector<effects::Start> wider;
-      for (const effects::Start& start : from)
-        for (int choice = static_cast<int>(p.lower); choice <= static_cast<int>(p.upper); ++choice) {
-          if (name == "channel" && !has[static_cast<std::size_t>(choice)]) continue;
-          wider.push_back(start);
-          wider.back()[name] = choice;
-        }
-      from = std::move(wider);
-    }
-    std::vector<Hypothesis> starts;
-    for (effects::Start& start : from) {
-      Hypothesis h;
-      h.effects = {{id, std::move(start)}};
-      if (of_one_channel) {
-        out.push_back({std::move(h)});
-      } else {
-        starts.push_back(std::move(h));
-      }
-    }
-    if (!starts.empty()) out.push_back(std::move(starts));
-  }
-  return out;
-}
-
-std::vector<Hypothesis> nameless(const Campaign& c) {
-  std::vector<Hypothesis> out;
-  std::set<double> loads;
-  for (const Condition& q : c.conditions) loads.insert(q.normal_load);
-  bool has[kChannels] = {false, false, false};
-  for (const RunData& r : c.runs)
-    for (int ch = 0; ch < kChannels; ++ch) has[ch] = has[ch] || r.has[static_cast<std::size_t>(ch)];
-  for (int ch = 0; ch < kChannels; ++ch)
-    for (int shape = 0; shape < free_shape_count(); ++shape)
-      for (int power = 0; power <= (loads.size() > 1 ? 2 : 0); ++power) {
-        if (!has[ch]) continue;
-        Hypothesis h;
-        h.free_channel = ch;
-        h.free_shape = shape;
-        h.free_power = power;
-        out.push_back(h);
-      }
-  return out;
-}
-
-Hypothesis joined(const Hypothesis& a, const Hypothesis& b) {
-  Hypothesis out = a;
-  for (const Hypothesis::Member& m : b.effects) out.effects.push_back(m);
-  if (b.free_channel >= 0) {
-    out.free_channel = b.free_channel;
-    out.free_shape = b.free_shape;
-    out.free_power = b.free_power;
-  }
-  return out;
-}
-
-// A hypothesis whose members start where a fit ended.
-Hypothesis continued(const Model& model, const Tried& t) {
-  Hypothesis out = t.hypothesis;
-  const auto values = model.effects_of(t.hypothesis, t.fit);
-  for (Hypothesis::Member& m : out.effects) {
-    for (const auto& [name, v] : values.at(m.id))
-      if (std::isfinite(v)) m.start[name] = v;
-  }
-  return out;
-}
-
-bool contains(const Hypothesis& h, const std::string& id) {
-  for (const Hypothesis::Member& m : h.effects)
-    if (m.id == id) return true;
-  return false;
-}
-
-// Coordinate at which a parameter is tried before it is fitted: what the start gives, else a strength a little off its
-// null value and a shape at its prior.
-double first_coordinate(const FitParameter& p, const Hypothesis::Member& member) {
-  const auto given = member.start.find(p.name);
-  double v = p.strength ? p.null_value + 0.1 * p.prior_deviation : p.prior_mean;
-  if (given != member.start.end()) v = to_coordinate(given->second, p.scale);
-  return std::clamp(v, p.lower, p.upper);
-}
-
-// Residuals at a fit with the directions of everything fitted there taken out.
-struct Projected {
-  const Model& model;
-  Eigen::MatrixXd q;
-  Eigen::VectorXd r;
-
-  Projected(const Model& m, const Tried& t) : model(m) {
-    const Eigen::MatrixXd j = m.jacobian(t.hypothesis, t.fit);
-    q = orthonormal_columns(j);
-    r = m.residuals(t.hypothesis, t.fit);
-  }
-
-  // What moving to `f` changes in the residuals and nothing fitted can imitate; empty where that is less than `least` of it.
-  Eigen::VectorXd direction(const Hypothesis& h, const Fit& f, double least) const {
-    const Eigen::VectorXd moved = model.residuals(h, f);
-    if (moved.size() != r.size()) return {};
-    Eigen::VectorXd g = moved - r;
-    const double whole = g.norm();
-    g -= q * (q.transpose() * g);
-    const double length = g.norm();
-    if (!(length > 1e-9 && length > least * whole)) return {};
-    return g;
-  }
-
-  // Chi-square that moving to `f` along one direction would gain, to first order.
-  double score(const Hypothesis& h, const Fit& f) const {
-    const Eigen::VectorXd g = direction(h, f, 1e-7);
-    return g.size() ? std::pow(g.dot(r) / g.norm(), 2) : 0.0;
-  }
-};
-
-// How far what was fitted lies from what it would be without noise: reduced chi-square, at least 1.
-double overdispersion(const Fit& f) {
-  return std::max(1.0, f.chi2 / std::max(1, f.data - f.acting));
-}
-
-// Blocks that are held out whole: loads, speeds and passes away from the commonest, and stretches of slip.
-std::vector<std::pair<std::string, std::vector<char>>> blocks_of(const Campaign& c) {
-  std::map<double, int> loads, speeds;
-  for (const RunData& r : c.runs) {
-    const Condition& q = c.conditions[static_cast<std::size_t>(r.condition)];
-    ++loads[std::round(q.normal_load * 10) / 10];
-    ++speeds[q.angular_velocity];
-  }
-  const auto commonest = [](const std::map<double, int>& m) {
-    return std::max_element(m.begin(), m.end(), [](const auto& a, const auto& b) { return a.second < b.second; })->first;
-  };
-  const double load = commonest(loads), speed = commonest(speeds);
-  std::vector<std::pair<std::string, std::vector<char>>> out;
-  const auto add = [&](const std::string& name, const std::function<bool(const Condition&)>& in) {
-    std::vector<char> held(c.runs.size(), 0);
-    int n = 0;
-    for (std::size_t r = 0; r < c.runs.size(); ++r)
-      if (in(c.conditions[static_cast<std::size_t>(c.runs[r].condition)])) {
-        held[r] = 1;
-        ++n;
-      }
-    if (n > 0 && n < static_cast<int>(c.runs.size()) - 3) out.emplace_back(name, std::move(held));
-  };
-  const auto plain = [&](const Condition& q) { return std::abs(q.normal_load - load) < 0.05 * load && q.angular_velocity == speed && q.pass == 1; };
-  for (const auto& [w, n] : loads)
-    if (std::abs(w - load) > 0.05 * load && loads.size() <= 8) add(fmt::format("load {:.4g} N", w), [w = w](const Condition& q) { return std::abs(q.normal_load - w) < 0.06; });
-  for (const auto& [v, n] : speeds)
-    if (v != speed) add(fmt::format("speed {:.4g} rad/s", v), [v = v](const Condition& q) { return q.angular_velocity == v; });
-  std::set<int> passes;
-  for (const Condition& q : c.conditions) passes.insert(q.pass);
-  for (const int p : passes)
-    if (p > 1) add(fmt::format("pass {}", p), [p](const Condition& q) { return q.pass == p; });
-  add("slips below 0", [&](const Condition& q) { return plain(q) && q.slip < 0; });
-  add("slips 0 to 0.15", [&](const Condition& q) { return plain(q) && q.slip >= 0 && q.slip < 0.15; });
-  add("slips 0.15 to 0.45", [&](const Condition& q) { return plain(q) && q.slip >= 0.15 && q.slip < 0.45; });
-  add("slips above 0.45", [&](const Condition& q) { return plain(q) && q.slip >= 0.45; });
-  return out;
-}
-
-std::string plural(const std::vector<std::string>& ids) {
-  std::string out;
-  for (std::size_t i = 0; i < ids.size(); ++i) out += (i == 0 ? "" : i + 1 == ids.size() ? " or " : ", ") + ids[i];
-  return out;
-}
-
-std::string strength_text(const std::map<std::string, Estimate>& parameters) {
-  std::string out;
-  for (const auto& [name, e] : parameters) {
-    out += fmt::format("{}{} = {:.3g}", out.empty() ? "" : ", ", name, e.value);
-    if (e.deviation > 0) out += fmt::format(" +- {:.2g}", e.deviation);  // a form of the law is chosen, not fitted
-    if (e.unit != "-") out += " " + e.unit;
-  }
-  return out;
 }
 
 }  // namespace
@@ -295,7 +69,10 @@ class Diagnoser {
     out_.wheel = campaign_.wheel;
     out_.conditions = campaign_.conditions;
     step(0.02, "noise and plain fit");
-    quality_gate();
+    for (const std::string& c : contradictions(campaign_)) {
+      suspicious_ = c;
+      out_.remarks.push_back(c);
+    }
     plain_.fit = fit_plain(model_, options_.threads);
     note_belief();
     step(0.12, "ripples");
@@ -329,63 +106,6 @@ class Diagnoser {
   void step(double fraction, const std::string& what) {
     options_.progress.report(fraction, what);
     if (options_.progress.stop_requested()) throw Interrupted("diagnose: stopped; nothing was written");
-  }
-
-  // Signs and energy: T omega - DP v cannot be negative, and a wheel under more slip pulls more, not less.
-  void quality_gate() {
-    int impossible = 0, checked = 0;
-    std::map<double, std::vector<std::pair<double, double>>> pulls;
-    for (const RunData& r : campaign_.runs) {
-      const Condition& q = campaign_.conditions[static_cast<std::size_t>(r.condition)];
-      const auto mean = [&](std::size_t ch) {
-        double s = 0, n = 0;
-        for (std::size_t b = 0; b < r.mean[ch].size(); ++b) {
-          if (!r.steady && r.bins[b].time < 0.3 * r.bins.back().time) continue;
-          s += r.mean[ch][b];
-          ++n;
-        }
-        return n > 0 ? s / n : 0.0;
-      };
-      if (r.has[0] && r.has[1] && q.slip > 0.05 && q.angular_velocity > 0) {
-        ++checked;
-        const double in = mean(1) * q.angular_velocity, work = mean(0) * q.forward_velocity;
-        if (in - work < -0.05 * std::abs(work) - 1e-9) ++impossible;
-      }
-      if (r.has[0]) pulls[q.normal_load].emplace_back(q.slip, mean(0) / q.normal_load);
-    }
-    if (checked > 0 && 3 * impossible > checked) {
-      suspicious_ = fmt::format("{} of {} driven runs give out more work than they take in (T omega < DP v): a sign, a unit or a gain is wrong", impossible, checked);
-      out_.remarks.push_back(suspicious_);
-    }
-    double low = 0, high = 0;
-    int nl = 0, nh = 0;
-    for (const auto& [load, list] : pulls)
-      for (const auto& [s, p] : list) {
-        if (s < -0.05) {
-          low += p;
-          ++nl;
-        }
-        if (s > 0.15) {
-          high += p;
-          ++nh;
-        }
-      }
-    if (nl > 0 && nh > 0 && high / nh < low / nl) {
-      suspicious_ = "drawbar pull falls from negative to positive slip: its sign is the other way round";
-      out_.remarks.push_back(suspicious_);
-    }
-    for (std::size_t ch = 0; ch < kChannels; ++ch) {
-      double top = 0;
-      bool has = false;
-      for (const RunData& r : campaign_.runs) {
-        has = has || r.has[ch];
-        for (const double v : r.mean[ch]) top = std::max(top, std::abs(v));
-      }
-      if (has && top == 0) {
-        suspicious_ = fmt::format("{} is zero in every run", channel_name(static_cast<int>(ch)));
-        out_.remarks.push_back(suspicious_);
-      }
-    }
   }
 
   // The plain model at what the laboratory believes.
@@ -630,7 +350,7 @@ class Diagnoser {
       // conditions that took no part in the fit: small change to a form that does not quite fit helps there little.
       out_.growth.push_back({tried[top].hypothesis.label(), more, lack_of_fit(best_), lack_of_fit(tried[top])});
       if (more < kFurther || chi < out_.gate + 6.0) break;
-      const HeldOut held = held_out(best_, tried[top]);
+      const HeldOut held = held_out(model_, best_, tried[top], options_.threads);
       const auto& [without, with] = held.error;
       // No channel may pay for another: what mends one and spoils the next is not the cause.
       const std::array<double, kChannels> floor = scatter_of_means();
@@ -715,76 +435,6 @@ class Diagnoser {
     const auto left = lack_of_fit(t);
     const auto worst = std::max_element(left.begin(), left.end());
     return {*worst, static_cast<int>(worst - left.begin())};
-  }
-
-  // How a model that was fitted without a block predicts the means of that block's runs.
-  struct Fold {
-    bool solved = false;
-    Fit fit;
-    double chi2 = 0;  // of their whole series
-    std::array<double, kChannels> squares{};
-    std::array<int, kChannels> count{};
-  };
-  Fold fold(const Tried& t, const Hypothesis& h, const std::vector<char>& held, int iterations) const {
-    Fold out;
-    std::vector<char> use(held.size());
-    for (std::size_t r = 0; r < use.size(); ++r) use[r] = !held[r];
-    out.fit = model_.fit(h, t.fit.base, {}, use, iterations);
-    if (!std::isfinite(out.fit.chi2)) return out;
-    try {
-      const auto p = model_.predict(h, out.fit);
-      for (std::size_t r = 0; r < use.size(); ++r)
-        for (std::size_t ch = 0; ch < kChannels; ++ch)
-          if (held[r] && campaign_.runs[r].has[ch]) {
-            const auto m = settled_means(campaign_.runs[r], p[r], ch);
-            out.squares[ch] += std::pow(m[0] - m[1], 2);
-            ++out.count[ch];
-          }
-      const std::vector<char> none(held.size(), 0);
-      out.chi2 = model_.residuals(h, out.fit, held).squaredNorm() - model_.residuals(h, out.fit, none).squaredNorm();
-      out.solved = true;
-    } catch (const RunError&) {
-    }
-    return out;
-  }
-
-  // Two explanations on blocks that were left out of their fits.
-  struct HeldOut {
-    std::array<std::array<double, kChannels>, 2> error{};  // of the runs' means, root mean square by channel
-    double series = 0;                                     // chi-square of the runs' whole series that the second gains
-  };
-  // Where there are enough blocks the one that speaks loudest for either is left out: no name may hang on one stretch of slip.
-  HeldOut held_out(const Tried& a, const Tried& b) const {
-    const auto blocks = blocks_of(campaign_);
-    const std::array<const Tried*, 2> both = {&a, &b};
-    const std::array<Hypothesis, 2> from = {continued(model_, a), continued(model_, b)};
-    using Folds = std::array<Fold, 2>;
-    std::vector<Folds> folds(blocks.size());
-    parallel_for(2 * blocks.size(), options_.threads, [&](std::size_t k) { folds[k / 2][k % 2] = fold(*both[k % 2], from[k % 2], blocks[k / 2].second, 6); });
-    std::erase_if(folds, [](const Folds& f) { return !f[0].solved || !f[1].solved; });
-    const auto heard = [&](const auto& takes_part, const auto& gain) {
-      std::vector<const Folds*> out;
-      for (const Folds& f : folds)
-        if (takes_part(f)) out.push_back(&f);
-      std::sort(out.begin(), out.end(), [&](const Folds* x, const Folds* y) { return gain(*x) < gain(*y); });
-      if (out.size() >= kBlocksToTrim) {
-        if (gain(*out.back()) > 0) out.pop_back();
-        if (gain(*out.front()) < 0) out.erase(out.begin());
-      }
-      return out;
-    };
-    HeldOut out;
-    for (std::size_t ch = 0; ch < kChannels; ++ch) {
-      int n = 0;
-      for (const Folds* f : heard([ch](const Folds& x) { return x[0].count[ch] > 0; }, [ch](const Folds& x) { return x[0].squares[ch] - x[1].squares[ch]; })) {
-        n += (*f)[0].count[ch];
-        for (std::size_t k = 0; k < 2; ++k) out.error[k][ch] += (*f)[k].squares[ch];
-      }
-      for (auto& o : out.error) o[ch] = n ? std::sqrt(o[ch] / n) : 0.0;
-    }
-    const auto gain = [](const Folds& f) { return f[0].chi2 - f[1].chi2; };
-    for (const Folds* f : heard([](const Folds&) { return true; }, gain)) out.series += gain(*f);
-    return out;
   }
 
   // What each further effect would gain at a fit, to first order: the highest eight.
@@ -954,7 +604,9 @@ class Diagnoser {
 
   void decide() {
     const bool belief_fails = belief_fails_now();
-    const bool ripple_effect = add_ripples();
+    out_.ripples = ripples_.lines;
+    ripple_ = findings_of(ripples_, campaign_, options_);
+    const bool ripple_effect = !ripple_.findings.empty();
     const bool enough = campaign_.conditions.size() >= 4;
     Tried after = something_off_ ? best_ : plain_;
     bool unknown = false;
@@ -980,7 +632,7 @@ class Diagnoser {
       }
     }
     after_ = after;
-    located();
+    if (something_off_) out_.located = located(model_, plain_);
     candidates();
     compare_runs();
     if (something_off_ || ripple_effect) hold_out();
@@ -1062,6 +714,18 @@ class Diagnoser {
     return !(excess < 7.0 * gsl_cdf_fdist_Pinv(0.9995, 7, repeats));
   }
 
+  // Chi-square that the best of one effect more, or a nameless term, gains over the best explanation.
+  double left_by_exact(const Fit& with_term) const {
+    const auto over = [&](const Fit& f) { return (cost(best_.fit) - cost(f)) / overdispersion(f); };
+    double out = over(with_term);
+    for (const Tried& t : weighed_) {
+      const bool extends = t.hypothesis.effects.size() == best_.hypothesis.effects.size() + 1 &&
+                           std::all_of(best_.hypothesis.effects.begin(), best_.hypothesis.effects.end(), [&](const auto& m) { return contains(t.hypothesis, m.id); });
+      if (extends && std::isfinite(t.fit.chi2)) out = std::max(out, over(t.fit));
+    }
+    return out;
+  }
+
   // A nameless term wins when it explains clearly more than anything listed, alone or on top of it.
   bool nameless_wins(Tried& after) {
     std::size_t top = singles_.size();
@@ -1077,7 +741,8 @@ class Diagnoser {
     std::vector<Tried> on_top;
     const Hypothesis from = continued(model_, best_);
     const bool poor = leaves_much(best_);
-    if (poor) {
+    const bool exact = std::all_of(best_.hypothesis.effects.begin(), best_.hypothesis.effects.end(), [](const auto& m) { return effects::find_effect(m.id)->info->search.exact; });
+    if (poor || exact) {
       const std::vector<Hypothesis> list = promising_terms(Projected(model_, best_), best_);
       on_top.resize(list.size());
       parallel_for(list.size(), options_.threads, [&](std::size_t i) {
@@ -1092,7 +757,9 @@ class Diagnoser {
     // Few repeats can take the scatter too small by so much; what a term takes up then counts in that scatter. That excuses no
     // law at the limit of its range.
     const auto [left, channel] = worst_lack(best_);
-    if (more && left < kPoorByChance && stretched(best_).empty() && cost(best_.fit) - cost(more->fit) < out_.gate * std::max(left * left, overdispersion(more->fit))) more = nullptr;
+    // A law that has no other form leaves nothing over where it is the cause: what stands in its place is not listed.
+    const bool imitation = exact && more && left_by_exact(more->fit) > out_.gate + kExactError * gain(best_.fit);
+    if (more && !imitation && (!poor || (left < kPoorByChance && stretched(best_).empty() && cost(best_.fit) - cost(more->fit) < out_.gate * std::max(left * left, overdispersion(more->fit))))) more = nullptr;
     if (!alone && !more) {
       if (poor)
         out_.remarks.push_back(fmt::format("{} leaves {:.2g} times the scatter of the runs in {}, where no shape over slip and load helps: the scatter may be larger than the repeats show",
@@ -1109,90 +776,9 @@ class Diagnoser {
     return true;
   }
 
-  // Lines in the series that have a cause of their own.
-  bool add_ripples() {
-    const double strongest = ripples_.lines.empty() ? 0.0 : ripples_.lines.front().relative;
-    for (const RippleLine& l : ripples_.lines) {
-      out_.ripples.push_back(l);
-      if (&l != &ripples_.lines.front() && l.relative < 0.3 * strongest && l.channel_score[2] < 20) continue;
-      Finding f;
-      const bool sinkage_leads = l.channel_score[2] > 10 && l.channel_score[2] > 2.0 * std::max(l.channel_score[0], l.channel_score[1]);
-      std::vector<std::string> ids;
-      switch (l.lock) {
-        case Lock::wheel:
-          if (l.order > kMostLugs) break;
-          if (sinkage_leads || (l.relative > 0.01 && l.score > 15)) ids = {l.order <= 2 ? "eccentricity" : "grousers"};
-          // Lugs work on the soil and so on every channel; a carriage that swings shows in the pull alone.
-          if (!ids.empty() && l.order > 2 && can_be(l, Lock::time) && pull_alone(l)) ids = {"carriage_resonance"};
-          break;
-        case Lock::slip_path:
-          if (l.relative > kNaturalRipple) ids = {"periodic_failure"};
-          break;
-        case Lock::time:
-          if (l.relative > 0.012 || sinkage_leads) ids = {sinkage_leads ? "undamped_bed" : "carriage_resonance"};
-          break;
-        case Lock::travel:
-          if (l.relative > 0.012 || sinkage_leads) ids = {l.wavelength > 0.03 ? "undulation" : "node_ripple"};
-          break;
-      }
-      for (const Lock a : l.alternatives) {
-        if (ids.empty()) break;
-        if (ids.front() == "carriage_resonance" && pull_alone(l)) break;
-        if (a == Lock::wheel && l.order <= kMostLugs) ids.push_back(l.order <= 2 ? "eccentricity" : "grousers");
-        if (a == Lock::time) ids.push_back("carriage_resonance");
-        if (a == Lock::travel) ids.push_back("node_ripple");
-        if (a == Lock::slip_path) ids.push_back("periodic_failure");
-      }
-      std::erase_if(ids, [&](const std::string& id) { return std::find(options_.without.begin(), options_.without.end(), id) != options_.without.end(); });
-      if (ids.empty()) continue;
-      f.ids = ids;
-      f.probability = 0.97;
-      for (const std::string& id : ids) f.share[id] = 0.97 / static_cast<double>(ids.size());
-      const effects::Info& info = *effects::find_effect(ids.front())->info;
-      f.cls = effects::class_name(info.cls);
-      f.equation = info.equation;
-      f.source = info.source;
-      if (ids.front() == "grousers") f.parameters["count"] = {l.order, 0, "-"};
-      if (ids.front() == "eccentricity") f.parameters["offset"] = {l.amplitude[2], 0.2 * l.amplitude[2], "m"};
-      if (ids.front() == "periodic_failure") {
-        f.parameters["amplitude"] = {l.relative, 0.1 * l.relative, "-"};
-        f.parameters["wavelength"] = {l.wavelength, 0.05 * l.wavelength, "m"};
-      }
-      if (ids.front() == "carriage_resonance") {
-        f.parameters["frequency"] = {l.frequency, 0.01 * l.frequency, "Hz"};
-        f.parameters["amplitude"] = {l.amplitude[0], 0.1 * l.amplitude[0], "N"};
-      }
-      if (ids.front() == "undamped_bed") f.parameters["frequency"] = {l.frequency, 0.01 * l.frequency, "Hz"};
-      if (ids.front() == "node_ripple") f.parameters["spacing"] = {l.wavelength, 0.01 * l.wavelength, "m"};
-      if (ids.front() == "undulation") {
-        f.parameters["wavelength"] = {l.wavelength, 0.02 * l.wavelength, "m"};
-        f.parameters["amplitude"] = {l.amplitude[2], 0.1 * l.amplitude[2], "m"};
-      }
-      f.change = l.amplitude;
-      f.statement = fmt::format("{}: a line locked to {} in {} runs, {:.3g} N in drawbar pull and {:.3g} N m in torque; {}.", info.name, lock_name(l.lock), ripples_.runs,
-                                l.amplitude[0], l.amplitude[1], strength_text(f.parameters));
-      Located place;
-      place.channel = sinkage_leads ? channel_name(2) : channel_name(0);
-      place.unit = sinkage_leads ? "m" : "N";
-      place.size = sinkage_leads ? l.amplitude[2] : l.amplitude[0];
-      place.significance = l.deviations;
-      if (l.lock == Lock::wheel) place.where["order"] = {l.order, l.order};
-      if (l.lock == Lock::time) place.where["frequency"] = {l.frequency, l.frequency};
-      if (l.lock == Lock::travel || l.lock == Lock::slip_path) {
-        std::set<double> slips;
-        for (const Condition& q : campaign_.conditions)
-          if (std::isfinite(q.slip)) slips.insert(q.slip);
-        if (!slips.empty()) place.where["slip"] = {*slips.begin(), *slips.rbegin()};
-      }
-      ripple_places_.push_back(place);
-      ripple_findings_.push_back(std::move(f));
-    }
-    return !ripple_findings_.empty();
-  }
-
   // A ripple and a change of means with one cause are one finding; a ripple by itself is a finding of its own.
   void merge_ripple(std::vector<Finding>& found) {
-    for (Finding& r : ripple_findings_) {
+    for (Finding& r : ripple_.findings) {
       bool merged = false;
       for (Finding& f : found) {
         const bool same = std::find(f.ids.begin(), f.ids.end(), r.ids.front()) != f.ids.end();
@@ -1215,102 +801,8 @@ class Diagnoser {
       }
       if (!merged) found.insert(found.begin(), r);
     }
-    for (Located& l : ripple_places_) out_.located.push_back(l);
+    for (Located& l : ripple_.places) out_.located.push_back(l);
     if (found.size() > 4) found.resize(4);
-  }
-
-  void located() {
-    const auto before = model_.predict(plain_.hypothesis, plain_.fit);
-    struct Slice {
-      std::map<std::string, std::pair<double, double>> where;
-      std::function<bool(const Condition&)> in;
-    };
-    std::vector<Slice> slices;
-    double lo = 1e9, hi = -1e9;
-    std::set<double> loads, speeds;
-    std::set<int> passes;
-    for (const Condition& q : campaign_.conditions) {
-      if (std::isfinite(q.slip)) {
-        lo = std::min(lo, q.slip);
-        hi = std::max(hi, q.slip);
-      }
-      loads.insert(q.normal_load);
-      speeds.insert(q.angular_velocity);
-      passes.insert(q.pass);
-    }
-    slices.push_back({{{"slip", {lo, hi}}}, [](const Condition&) { return true; }});
-    const double cuts[] = {-1e9, 0.0, 0.15, 0.45, 1e9};
-    for (int i = 0; i < 4; ++i) {
-      const double a = cuts[i], b = cuts[i + 1];
-      slices.push_back({{{"slip", {std::max(a, lo), std::min(b, hi)}}}, [a, b](const Condition& q) { return q.slip >= a && q.slip < b; }});
-    }
-    if (loads.size() > 1 && loads.size() <= 8)
-      for (const double w : loads) slices.push_back({{{"normal_load", {w, w}}}, [w](const Condition& q) { return q.normal_load == w; }});
-    if (speeds.size() > 1 && speeds.size() <= 8)
-      for (const double v : speeds) slices.push_back({{{"angular_velocity", {v, v}}}, [v](const Condition& q) { return q.angular_velocity == v; }});
-    if (passes.size() > 1)
-      for (const int p : passes) slices.push_back({{{"pass", {p, p}}}, [p](const Condition& q) { return q.pass == p; }});
-    for (std::size_t ch = 0; ch < kChannels; ++ch) {
-      std::vector<Located> list;
-      for (const Slice& s : slices) {
-        double sum = 0, weight = 0;
-        int n = 0;
-        for (std::size_t r = 0; r < campaign_.runs.size(); ++r) {
-          const RunData& run = campaign_.runs[r];
-          if (!run.has[ch] || !s.in(campaign_.conditions[static_cast<std::size_t>(run.condition)])) continue;
-          const auto m = settled_means(run, before[r], ch);
-          const double d = std::max(1e-12, model_.run_mean_deviation(static_cast<int>(r), static_cast<int>(ch)));
-          sum += (m[0] - m[1]) / (d * d);
-          weight += 1 / (d * d);
-          ++n;
-        }
-        if (n < 1 || weight <= 0) continue;
-        Located l;
-        l.channel = channel_name(static_cast<int>(ch));
-        l.unit = channel_unit(static_cast<int>(ch));
-        l.where = s.where;
-        l.size = sum / weight;
-        l.significance = std::abs(sum) / std::sqrt(weight);
-        if (l.significance > 3.5) list.push_back(std::move(l));
-      }
-      // A trend along the travel that all runs share.
-      double xy = 0, xx = 0, var = 0, reach = 0;
-      for (std::size_t r = 0; r < campaign_.runs.size(); ++r) {
-        const RunData& run = campaign_.runs[r];
-        if (run.steady || !run.has[ch] || run.bins.size() < 6) continue;
-        const Condition& q = campaign_.conditions[static_cast<std::size_t>(run.condition)];
-        double mx = 0, my = 0, n = 0;
-        for (std::size_t b = 0; b < run.bins.size(); ++b)
-          if (run.bins[b].time > 0.3 * run.bins.back().time) {
-            mx += q.forward_velocity * run.bins[b].time;
-            my += run.mean[ch][b] - before[r][ch][b];
-            ++n;
-          }
-        mx /= n;
-        my /= n;
-        for (std::size_t b = 0; b < run.bins.size(); ++b)
-          if (run.bins[b].time > 0.3 * run.bins.back().time) {
-            const double x = q.forward_velocity * run.bins[b].time - mx, y = run.mean[ch][b] - before[r][ch][b] - my;
-            xy += x * y;
-            xx += x * x;
-            var += x * x * std::pow(model_.noise().sample[ch], 2) / run.bins[b].samples;
-            reach = std::max(reach, q.forward_velocity * run.bins[b].time);
-          }
-      }
-      if (var > 0 && std::abs(xy) / std::sqrt(var) > 5) {
-        Located l;
-        l.channel = channel_name(static_cast<int>(ch));
-        l.unit = channel_unit(static_cast<int>(ch));
-        l.where["position"] = {0, reach};
-        l.size = xy / xx * reach;
-        l.significance = std::abs(xy) / std::sqrt(var);
-        list.push_back(std::move(l));
-      }
-      std::sort(list.begin(), list.end(), [](const Located& a, const Located& b) { return a.significance > b.significance; });
-      if (list.size() > 3) list.resize(3);
-      if (something_off_)
-        for (Located& l : list) out_.located.push_back(std::move(l));
-    }
   }
 
   void candidates() {
@@ -1366,8 +858,8 @@ class Diagnoser {
     const Hypothesis h = continued(model_, after_);
     std::vector<Fold> before(blocks.size()), after(blocks.size());
     parallel_for(blocks.size(), options_.threads, [&](std::size_t b) {
-      before[b] = fold(plain_, plain_.hypothesis, blocks[b].second, 12);
-      after[b] = fold(after_, h, blocks[b].second, 12);
+      before[b] = fold(model_, plain_, plain_.hypothesis, blocks[b].second, 12);
+      after[b] = fold(model_, after_, h, blocks[b].second, 12);
     });
     std::array<double, 2 * kChannels> total{};
     std::array<int, kChannels> n{};
@@ -1517,8 +1009,7 @@ class Diagnoser {
   std::vector<std::size_t> slots_;
   std::size_t named_ = 0;
   std::vector<Detect> detect_;
-  std::vector<Finding> ripple_findings_;
-  std::vector<Located> ripple_places_;
+  RippleFindings ripple_;
   double best_free_ = 0.0;
   bool something_off_ = false;
   std::string suspicious_, free_form_;

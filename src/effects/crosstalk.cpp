@@ -19,7 +19,9 @@ const Info& info() {
       "sensor",
       {1, 0, 0, false, false, false, false, false, "pull off by a share of the load"},
       {"slope", "drawbar_bias"},
-      "dead weights on three axes; reverse the run"};
+      "dead weights on three axes; reverse the run",
+      {},
+      {.exact = true}};
   return out;
 }
 

@@ -18,7 +18,9 @@ const Info& info() {
                         "sensor",
                         {1, 0, 0, false, false, false, false, false, "pull off by the same amount in all runs"},
                         {"slope", "crosstalk", "bulldozing"},
-                        "a run in air; two loads"};
+                        "a run in air; two loads",
+                        {},
+                        {.exact = true}};
   return out;
 }
 

@@ -82,6 +82,7 @@ struct Search {
   bool in_soil_tests = false;  // belongs to the soil itself and so acts in its plate and shear tests too
   bool ripple_alone = false;   // its means are nil: only a line in the series shows it
   bool needs_series = false;   // a table of means cannot show it
+  bool exact = false;          // statics or a constant of a sensor: what it leaves over is another cause, and no other form of it
 };
 
 struct Info {

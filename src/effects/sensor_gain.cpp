@@ -20,7 +20,9 @@ const Info& info() {
       "sensor",
       {1, 0, 0, false, false, false, false, false, "one channel off in proportion to itself"},
       {"crosstalk", "torque_bias"},
-      "dead weights over the range of the channel"};
+      "dead weights over the range of the channel",
+      {},
+      {.exact = true}};
   return out;
 }
 

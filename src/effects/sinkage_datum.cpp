@@ -18,7 +18,9 @@ const Info& info() {
                         "sensor",
                         {0, 0, 1, false, false, false, false, false, "sinkage off by the same amount in all runs"},
                         {"plate_scale", "rear_contact"},
-                        "touch the surface before each run"};
+                        "touch the surface before each run",
+                        {},
+                        {.exact = true}};
   return out;
 }
 

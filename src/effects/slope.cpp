@@ -21,7 +21,7 @@ const Info& info() {
                         {"crosstalk", "drawbar_bias", "bulldozing"},
                         "reverse the run: a slope changes sign, cross-talk does not",
                         {},
-                        {},
+                        {.exact = true},
                         "the load is lifted: W v sin(angle)"};
   return out;
 }

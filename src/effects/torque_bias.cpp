@@ -18,7 +18,9 @@ const Info& info() {
                         "sensor",
                         {0, 1, 0, false, false, false, false, false, "torque off by the same amount in all runs"},
                         {"drive_friction"},
-                        "turn the wheel in air both ways: friction changes sign"};
+                        "turn the wheel in air both ways: friction changes sign",
+                        {},
+                        {.exact = true}};
   return out;
 }
 

@@ -178,11 +178,28 @@ TEST(Diagnose, EachOfTwoCausesKeepsItsPlace) {
 
 TEST(Diagnose, FindsASensorThatLagsBesideACauseOfTheSoil) {
   Truth truth;
-  truth.effects = on({{"slip_sinkage", {{"n1", 0.4}}}});
-  truth.lag = 0.8;
+  truth.effects = on({{"rear_contact", {{"lambda", 0.25}}}});
+  truth.lag = 0.35;
+  truth.seed = 2;
   const Diagnosis d = diagnose(campaign(truth));
-  EXPECT_TRUE(names(d, "slip_sinkage")) << d.statement;
+  EXPECT_TRUE(names(d, "rear_contact")) << d.statement;
   EXPECT_TRUE(names(d, "sensor_lag")) << d.statement;
+}
+
+// Statics has no other form: a slope that leaves something over is none. What pushes here, a wedge of soil, is kept from the list.
+TEST(Diagnose, NamesNoSlopeThatLeavesSomethingOver) {
+  Options options;
+  options.without = {"bulldozing"};
+  Truth truth;
+  truth.effects = on({{"bulldozing", {{"factor", 5}, {"form", 1}}}});
+  const Diagnosis wedge = diagnose(campaign(truth), options);
+  EXPECT_EQ(wedge.verdict, "unknown") << wedge.statement;
+  EXPECT_FALSE(names(wedge, "slope")) << wedge.statement;
+  truth.effects = {};
+  truth.change = [](const Condition& q, double* y) { y[0] -= q.normal_load * std::sin(0.08); };
+  const Diagnosis slope = diagnose(campaign(truth), options);
+  EXPECT_EQ(slope.verdict, "instrument") << slope.statement;
+  EXPECT_TRUE(names(slope, "slope")) << slope.statement;
 }
 
 // A slope of the rig ends at 0.5 rad.
