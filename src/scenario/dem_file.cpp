@@ -10,7 +10,7 @@
 namespace terrode::scenario {
 
 dem::DemWindow particle_window(const Scenario& s) {
-  return {s.particles.window_ahead.value_or(1.6 * s.wheel.radius), s.particles.window_behind.value_or(0.9 * s.wheel.radius)};
+  return {s.particles.window_ahead.value_or(1.6 * s.wheel.radius), s.particles.window_behind.value_or(1.3 * s.wheel.radius)};
 }
 
 dem::SizeDistribution particle_sizes(const Scenario& s) {

@@ -26,7 +26,7 @@ Table<P> particles_table() {
       .number("behind", "m", above(0), &P::behind, "of a full bed behind the place where the wheel is set down")
       .number("border", "m", at_least(0), &P::border, "of a full bed, in which grains are fixed")
       .number("window_ahead", "m", above(0), &P::window_ahead, "beyond the axle that moves, never less than what is sunk; absent: 1.6 radii")
-      .number("window_behind", "m", above(0), &P::window_behind, "behind the axle that moves, never less than what is sunk; absent: 0.9 radii");
+      .number("window_behind", "m", above(0), &P::window_behind, "behind the axle that moves, never less than what is sunk; absent: 1.3 radii");
   // Wheel surface.
   t.choice("wheel_surface", {"shape", "spheres"}, &P::wheel_surface, "the wheel in closed form, or a shell of overlapping spheres")
       .number("sphere_diameter", "m", above(0), &P::sphere_diameter, "of a shell's spheres")
