@@ -715,7 +715,7 @@ class Diagnoser {
   }
 
   // Chi-square that the best of one effect more, or a nameless term, gains over the best explanation.
-  double left_by_exact(const Fit& with_term) const {
+  double further_gain(const Fit& with_term) const {
     const auto over = [&](const Fit& f) { return (cost(best_.fit) - cost(f)) / overdispersion(f); };
     double out = over(with_term);
     for (const Tried& t : weighed_) {
@@ -741,7 +741,8 @@ class Diagnoser {
     std::vector<Tried> on_top;
     const Hypothesis from = continued(model_, best_);
     const bool poor = leaves_much(best_);
-    const bool exact = std::all_of(best_.hypothesis.effects.begin(), best_.hypothesis.effects.end(), [](const auto& m) { return effects::find_effect(m.id)->info->search.exact; });
+    const std::vector<Hypothesis::Member>& members = best_.hypothesis.effects;
+    const bool exact = std::all_of(members.begin(), members.end(), [](const auto& m) { return effects::find_effect(m.id)->info->search.exact; });
     if (poor || exact) {
       const std::vector<Hypothesis> list = promising_terms(Projected(model_, best_), best_);
       on_top.resize(list.size());
@@ -754,12 +755,15 @@ class Diagnoser {
     const Tried* more = nullptr;
     for (const Tried& t : on_top)
       if (std::isfinite(t.fit.chi2) && (!more || cost(t.fit) < cost(more->fit))) more = &t;
-    // Few repeats can take the scatter too small by so much; what a term takes up then counts in that scatter. That excuses no
-    // law at the limit of its range.
     const auto [left, channel] = worst_lack(best_);
-    // A law that has no other form leaves nothing over where it is the cause: what stands in its place is not listed.
-    const bool imitation = exact && more && left_by_exact(more->fit) > out_.gate + kExactError * gain(best_.fit);
-    if (more && !imitation && (!poor || (left < kPoorByChance && stretched(best_).empty() && cost(best_.fit) - cost(more->fit) < out_.gate * std::max(left * left, overdispersion(more->fit))))) more = nullptr;
+    if (more) {
+      // A law that has no other form leaves nothing over where it is the cause: what stands in its place is not listed.
+      const bool imitation = exact && further_gain(more->fit) > out_.gate + kExactError * gain(best_.fit);
+      // Few repeats can take the scatter too small by so much; what a term takes up then counts in that scatter. That excuses no
+      // law at the limit of its range.
+      const bool by_chance = left < kPoorByChance && stretched(best_).empty() && cost(best_.fit) - cost(more->fit) < out_.gate * std::max(left * left, overdispersion(more->fit));
+      if (!imitation && (!poor || by_chance)) more = nullptr;
+    }
     if (!alone && !more) {
       if (poor)
         out_.remarks.push_back(fmt::format("{} leaves {:.2g} times the scatter of the runs in {}, where no shape over slip and load helps: the scatter may be larger than the repeats show",
