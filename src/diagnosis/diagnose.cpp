@@ -32,6 +32,8 @@ constexpr double kExactError = 5e-4;
 constexpr double kFurther = 6.0;
 // As many more where it is of those that the first is confused with.
 constexpr double kAlike = 12.0;
+// Share of what a member explains that a rival in its place must explain: another published form of the true law does.
+constexpr double kRival = 0.3;
 // Flattens the odds of rivals; found on campaigns with known causes (tools/make-campaigns).
 constexpr double kTemperature = 1.5;
 // Root mean square misfit of runs' means over their scatter that sound explanations stay below, and the square of what
@@ -507,14 +509,16 @@ class Diagnoser {
     // Without repeats the scatter is assumed, and the odds are worth half.
     const double temperature = kTemperature * (model_.noise().from_replicates ? 1.0 : 2.0);
     std::map<std::string, double> weight;
+    const double whole = cost(without.fit) - cost(best_.fit);
     double top = -std::numeric_limits<double>::infinity();
     for (const Tried& t : tried) top = std::max(top, support(t));
     for (std::size_t k = 0; k < tried.size(); ++k) {
       if (!std::isfinite(tried[k].fit.chi2)) continue;
       const std::string& id = starts_[rivals[k]].front().effects.front().id;
-      // What explains hardly more than nothing in its place was refused with it; there are many of those, and each
-      // would take a small share of the odds.
-      if (id != own && cost(without.fit) - cost(tried[k].fit) < 0.25 * out_.gate * overdispersion(tried[k].fit)) continue;
+      // What explains hardly more than nothing in its place, or far less than the member does, is no rival; there are many
+      // of those, and each would take a small share of the odds.
+      const double explained = cost(without.fit) - cost(tried[k].fit);
+      if (id != own && explained < std::max(0.25 * out_.gate * overdispersion(tried[k].fit), kRival * whole)) continue;
       weight[id] = std::max(weight[id], std::exp((support(tried[k]) - top) / temperature));
     }
     double sum = 0;
