@@ -29,7 +29,7 @@ std::vector<std::vector<Hypothesis>> listed(const Model& model, const Options& o
   effects::Surroundings at{c.wheel.radius, c.believed.friction_angle, static_cast<double>(c.known_grousers),
                            ripples.runs >= 3 && ripples.roughness < kRough};
   for (const RippleLine& l : ripples.lines)
-    if (l.lock == Lock::wheel && l.order >= 4) at.lugs = l.order;
+    if (l.order >= 4) at.lugs = l.order;
   std::vector<std::vector<Hypothesis>> out;
   for (const effects::EffectType& t : effects::all_effects()) {
     const std::string id(t.info->id);

@@ -111,6 +111,9 @@ bool spectrum_of(const Campaign& c, const RunData& run, double run_in_length, Sp
 // Power over background beyond which a run counts little more: the nearest of several orders still leads.
 constexpr double kLoud = 60.0;
 
+// Neighbouring laws whose scores differ by less have found the same line.
+constexpr double kSameLine = 0.98;
+
 // A line must repeat so often within a run: fewer periods are a trend as well. Waves of a bed are long.
 double fewest_periods(Lock lock) { return lock == Lock::travel ? 2.0 : 4.0; }
 
@@ -267,7 +270,7 @@ RippleSearch find_ripples(const Campaign& campaign, double run_in_length) {
   double top = 0;
   for (const Spectrum& s : spectra) top = std::max(top, s.top);
   std::array<std::vector<RippleLine>, 4> laws;
-  for (int n = 1; n <= 120; ++n) {
+  for (int n = 1; n <= kMostLugs; ++n) {
     RippleLine l;
     l.lock = Lock::wheel;
     l.order = n;
@@ -304,9 +307,13 @@ RippleSearch find_ripples(const Campaign& campaign, double run_in_length) {
     std::vector<double> away;
     for (const double s : scores) away.push_back(std::abs(s - middle));
     const double spread = std::max(1.4826 * median(away), 2.0 / std::sqrt(static_cast<double>(spectra.size())));
-    RippleLine* best = nullptr;
-    for (RippleLine& l : family)
-      if (!best || l.score > best->score) best = &l;
+    // A line is as wide as the runs are short: its law is the middle of the neighbours that take the same bins.
+    const RippleLine& top_of = *std::max_element(family.begin(), family.end(), [](const RippleLine& a, const RippleLine& b) { return a.score < b.score; });
+    const auto same_line = [&](std::size_t i) { return family[i].share == top_of.share && family[i].score > kSameLine * top_of.score; };
+    std::size_t first = static_cast<std::size_t>(&top_of - family.data()), last = first;
+    while (first > 0 && same_line(first - 1)) --first;
+    while (last + 1 < family.size() && same_line(last + 1)) ++last;
+    RippleLine* best = &family[(first + last) / 2];
     best->deviations = (best->score - middle) / spread;
     // Largest of a few hundred robust deviates: 6 is beyond chance at well under one in a thousand campaigns.
     if (best->deviations > 6.0 && best->score > 2.0 * middle) out.lines.push_back(*best);
@@ -326,7 +333,12 @@ RippleSearch find_ripples(const Campaign& campaign, double run_in_length) {
         if (std::abs(f - g) < std::max(2.0 * s.resolution, 0.06 * g)) ++same;
       }
       const bool mostly = both > 0 && 3 * same > both;
-      if (mostly && l.score > 0.85 * k.score && 10 * same > 9 * both) k.alternatives.push_back(l.lock);
+      if (mostly && l.score > 0.85 * k.score && 10 * same > 9 * both) {
+        k.alternatives.push_back(l.lock);
+        if (l.lock == Lock::wheel) k.order = l.order;
+        if (l.lock == Lock::time) k.frequency = l.frequency;
+        if (k.wavelength == 0.0) k.wavelength = l.wavelength;
+      }
       shadow = shadow || mostly;
     }
     if (!shadow) kept.push_back(l);

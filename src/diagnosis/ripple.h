@@ -9,6 +9,9 @@
 
 namespace terrode::diagnosis {
 
+// Wheels with more lugs than this are not built: lines of a higher order are locked to something else.
+inline constexpr int kMostLugs = 60;
+
 enum class Lock { wheel, slip_path, time, travel };
 const char* lock_name(Lock lock);
 
@@ -19,6 +22,7 @@ const char* lock_name(Lock lock);
 //   travel     v/wavelength
 struct RippleLine {
   Lock lock = Lock::time;
+  // Of its lock, and of the alternatives where they have one of their own.
   double order = 0.0;       // per turn
   double wavelength = 0.0;  // m
   double share = 0.0;       // q

@@ -19,9 +19,6 @@ bool can_be(const RippleLine& l, Lock lock) {
 // A line that only the drawbar pull shows.
 bool pull_alone(const RippleLine& l) { return l.channel_score[0] > 15 && l.channel_score[1] < 0.25 * l.channel_score[0] && l.channel_score[2] < 0.25 * l.channel_score[0]; }
 
-// Wheels with more lugs than this are not built.
-constexpr double kMostLugs = 60;
-
 // Root mean square ripple of a soil that fails in small blocks, over the rim force: every smooth wheel on sand shows
 // about one percent (Shikanai et al. 2000 call it small); a cause is named from twice that.
 constexpr double kNaturalRipple = 0.018;
@@ -38,7 +35,6 @@ RippleFindings findings_of(const RippleSearch& ripples, const Campaign& campaign
     std::vector<std::string> ids;
     switch (l.lock) {
       case Lock::wheel:
-        if (l.order > kMostLugs) break;
         if (sinkage_leads || (l.relative > 0.01 && l.score > 15)) ids = {l.order <= 2 ? "eccentricity" : "grousers"};
         // Lugs work on the soil and so on every channel; a carriage that swings shows in the pull alone.
         if (!ids.empty() && l.order > 2 && can_be(l, Lock::time) && pull_alone(l)) ids = {"carriage_resonance"};
@@ -48,6 +44,7 @@ RippleFindings findings_of(const RippleSearch& ripples, const Campaign& campaign
         break;
       case Lock::time:
         if (l.relative > 0.012 || sinkage_leads) ids = {sinkage_leads ? "undamped_bed" : "carriage_resonance"};
+        if (!ids.empty() && !sinkage_leads && l.order > 2 && !pull_alone(l)) ids = {"grousers", "carriage_resonance"};
         break;
       case Lock::travel:
         if (l.relative > 0.012 || sinkage_leads) ids = {l.wavelength > 0.03 ? "undulation" : "node_ripple"};
@@ -56,10 +53,11 @@ RippleFindings findings_of(const RippleSearch& ripples, const Campaign& campaign
     for (const Lock a : l.alternatives) {
       if (ids.empty()) break;
       if (ids.front() == "carriage_resonance" && pull_alone(l)) break;
-      if (a == Lock::wheel && l.order <= kMostLugs) ids.push_back(l.order <= 2 ? "eccentricity" : "grousers");
-      if (a == Lock::time) ids.push_back("carriage_resonance");
-      if (a == Lock::travel) ids.push_back("node_ripple");
-      if (a == Lock::slip_path) ids.push_back("periodic_failure");
+      const char* id = "periodic_failure";
+      if (a == Lock::wheel) id = l.order <= 2 ? "eccentricity" : "grousers";
+      if (a == Lock::time) id = "carriage_resonance";
+      if (a == Lock::travel) id = "node_ripple";
+      if (std::find(ids.begin(), ids.end(), id) == ids.end()) ids.emplace_back(id);
     }
     std::erase_if(ids, [&](const std::string& id) { return std::find(options.without.begin(), options.without.end(), id) != options.without.end(); });
     if (ids.empty()) continue;

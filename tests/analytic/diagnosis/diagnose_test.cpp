@@ -24,6 +24,7 @@ struct Truth {
   unsigned long seed = 1;
   int repeats = 2;
   bool tests = true;
+  bool one_speed = false;
 };
 
 recording::Recording campaign(const Truth& truth) {
@@ -44,7 +45,8 @@ recording::Recording campaign(const Truth& truth) {
   for (const double s : {-0.4, -0.1, 0.0, 0.1, 0.2, 0.4, 0.7}) conditions.push_back({s, 115, 0.3, 0, 1, 0});
   for (const double w : {65.0, 165.0})
     for (const double s : {0.1, 0.3, 0.6}) conditions.push_back({s, w, 0.3, 0, 1, 0});
-  for (const double v : {0.1, 1.2}) conditions.push_back({0.3, 115, v, 0, 1, 0});
+  for (const double v : {0.1, 1.2})
+    if (!truth.one_speed) conditions.push_back({0.3, 115, v, 0, 1, 0});
   bekker::PointLaw law;
   law.modifiers = truth.effects.modifiers();
   for (Condition& q : conditions) {
@@ -224,6 +226,21 @@ TEST(Diagnose, FindsLugsInTheOrderSpectrum) {
   const Diagnosis d = diagnose(campaign(truth));
   ASSERT_TRUE(names(d, "grousers")) << d.statement;
   EXPECT_EQ(d.effects[0].parameters.at("count").value, 18);
+}
+
+// At one speed a line of the wheel is one of time as well.
+TEST(Diagnose, AtOneSpeedTheOrderTellsLugsFromACarriage) {
+  for (const double order : {16.0, 79.0}) {
+    SCOPED_TRACE(order);
+    Truth truth;
+    truth.one_speed = true;
+    truth.ripple = [&](const Condition& q, double t) { return 3.0 * std::cos(order * q.angular_velocity * t + 0.3); };
+    const Diagnosis d = diagnose(campaign(truth));
+    ASSERT_FALSE(d.effects.empty()) << d.statement;
+    EXPECT_EQ(d.effects[0].ids.front(), order < kMostLugs ? "grousers" : "carriage_resonance") << d.statement;
+    if (order > kMostLugs) EXPECT_NEAR(d.effects[0].parameters.at("frequency").value, order * 0.3 / 6.2832, 0.05);
+    else EXPECT_EQ(d.effects[0].parameters.at("count").value, order);
+  }
 }
 
 TEST(Diagnose, SeesAWheelOutOfRoundAtAnyPhase) {
