@@ -28,12 +28,15 @@ namespace {
 constexpr double kFormError = 0.01, kReadingError = 0.002;
 // What statics or a constant of a sensor can leave over, as a share of the chi-square that it gains: 2 % of what it changes.
 constexpr double kExactError = 5e-4;
+// Chi-square that nameless terms must gain beyond the gate, which is that of the listed effects.
+constexpr double kNamelessMore = 8.0;
 // Odds (nats) that a further effect must bring, for it is picked from many.
 constexpr double kFurther = 6.0;
 // As many more where it is of those that the first is confused with.
 constexpr double kAlike = 12.0;
-// Share of what a member explains that a rival in its place must explain: another published form of the true law does.
-constexpr double kRival = 0.3;
+// Share of what a member explains that a rival in its place must explain: another published form of the true law does. Where
+// the member stands so many gates beyond chance.
+constexpr double kRival = 0.3, kFarBeyond = 2.0;
 // Flattens the odds of rivals; found on campaigns with known causes (tools/make-campaigns).
 constexpr double kTemperature = 1.5;
 // Root mean square misfit of runs' means over their scatter that sound explanations stay below, and the square of what
@@ -258,7 +261,7 @@ class Diagnoser {
     for (std::size_t i = 0; i < named_; ++i) best = std::max(best, gain(singles_[i].fit));
     for (std::size_t i = named_; i < singles_.size(); ++i) best_free_ = std::max(best_free_, gain(singles_[i].fit));
     out_.gate_statistic = best;
-    something_off_ = best > out_.gate || best_free_ > out_.gate + 8.0 || leaves_much(plain_);
+    something_off_ = best > out_.gate || best_free_ > out_.gate + kNamelessMore || leaves_much(plain_);
   }
 
   // Chi-square that a fit gains over the plain one, in units of its own overdispersion.
@@ -518,7 +521,8 @@ class Diagnoser {
       // What explains hardly more than nothing in its place, or far less than the member does, is no rival; there are many
       // of those, and each would take a small share of the odds.
       const double explained = cost(without.fit) - cost(tried[k].fit);
-      if (id != own && explained < std::max(0.25 * out_.gate * overdispersion(tried[k].fit), kRival * whole)) continue;
+      const double gate = out_.gate * overdispersion(tried[k].fit);
+      if (id != own && (explained < 0.25 * gate || (whole > kFarBeyond * gate && explained < kRival * whole))) continue;
       weight[id] = std::max(weight[id], std::exp((support(tried[k]) - top) / temperature));
     }
     double sum = 0;
@@ -718,14 +722,18 @@ class Diagnoser {
     return !(excess < 7.0 * gsl_cdf_fdist_Pinv(0.9995, 7, repeats));
   }
 
-  // Chi-square that the best of one effect more, or a nameless term, gains over the best explanation.
+  // Chi-square beyond its gate that one effect more, or a nameless term, gains over the best explanation. What changes along
+  // the runs alone (a bed that drifts) is another cause beside it and no sign that its means have another.
   double further_gain(const Fit& with_term) const {
-    const auto over = [&](const Fit& f) { return (cost(best_.fit) - cost(f)) / overdispersion(f); };
-    double out = over(with_term);
+    const auto over = [&](const Fit& f) { return (cost(best_.fit) - cost(f)) / overdispersion(f) - out_.gate; };
+    double out = over(with_term) - kNamelessMore;
     for (const Tried& t : weighed_) {
-      const bool extends = t.hypothesis.effects.size() == best_.hypothesis.effects.size() + 1 &&
-                           std::all_of(best_.hypothesis.effects.begin(), best_.hypothesis.effects.end(), [&](const auto& m) { return contains(t.hypothesis, m.id); });
-      if (extends && std::isfinite(t.fit.chi2)) out = std::max(out, over(t.fit));
+      const std::vector<Hypothesis::Member>& members = t.hypothesis.effects;
+      if (members.size() != best_.hypothesis.effects.size() + 1 || !std::isfinite(t.fit.chi2)) continue;
+      const auto more = std::find_if(members.begin(), members.end(), [&](const auto& m) { return !contains(best_.hypothesis, m.id); });
+      const effects::Fingerprint& mark = effects::find_effect(more->id)->info->fingerprint;
+      const bool extends = std::all_of(best_.hypothesis.effects.begin(), best_.hypothesis.effects.end(), [&](const auto& m) { return contains(t.hypothesis, m.id); });
+      if (extends && !mark.with_time && !mark.with_position) out = std::max(out, over(t.fit));
     }
     return out;
   }
@@ -762,7 +770,7 @@ class Diagnoser {
     const auto [left, channel] = worst_lack(best_);
     if (more) {
       // A law that has no other form leaves nothing over where it is the cause: what stands in its place is not listed.
-      const bool imitation = exact && further_gain(more->fit) > out_.gate + kExactError * gain(best_.fit);
+      const bool imitation = exact && further_gain(more->fit) > kExactError * gain(best_.fit);
       // Few repeats can take the scatter too small by so much; what a term takes up then counts in that scatter. That excuses no
       // law at the limit of its range.
       const bool by_chance = left < kPoorByChance && stretched(best_).empty() && cost(best_.fit) - cost(more->fit) < out_.gate * std::max(left * left, overdispersion(more->fit));
