@@ -44,7 +44,7 @@ RippleFindings findings_of(const RippleSearch& ripples, const Campaign& campaign
         break;
       case Lock::time:
         if (l.relative > 0.012 || sinkage_leads) ids = {sinkage_leads ? "undamped_bed" : "carriage_resonance"};
-        if (!ids.empty() && !sinkage_leads && l.order > 2 && !pull_alone(l)) ids = {"grousers", "carriage_resonance"};
+        if (!ids.empty() && l.order > 2 && !pull_alone(l)) ids.insert(ids.begin(), "grousers");
         break;
       case Lock::travel:
         if (l.relative > 0.012 || sinkage_leads) ids = {l.wavelength > 0.03 ? "undulation" : "node_ripple"};
