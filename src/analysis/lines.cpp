@@ -19,8 +19,7 @@
 namespace terrode::analysis {
 namespace {
 
-constexpr double kTwoPi = 2.0 * std::numbers::pi;
-constexpr std::size_t kMinSamples = 32;
+constexpr std::size_t kFewestSamples = 32;
 constexpr int kBackgroundOrder = 6;
 constexpr int kBackgroundRounds = 20;
 constexpr double kEvidenceCap = 15.0;        // of one run for one axis, so that no single run decides
@@ -138,7 +137,7 @@ Windowed window_of(const recording::Run& run, const std::string& channel, const 
   remove_trend(w.series.x, options.trend);
   double left = 0.0;
   for (const double x : w.series.x) left += x * x;
-  w.usable = w.series.x.size() >= kMinSamples && std::sqrt(left / n) > 1e-12 * largest;
+  w.usable = w.series.x.size() >= kFewestSamples && std::sqrt(left / n) > 1e-12 * largest;
   return w;
 }
 
@@ -808,7 +807,7 @@ Coherence line_coherence(const recording::Run& run, const ChannelSpectrum& of, c
 }
 
 std::optional<Resonance> resonance_near(const EvenSeries& series, double frequency) {
-  if (!(frequency > 0.0) || series.x.size() < kMinSamples) return std::nullopt;
+  if (!(frequency > 0.0) || series.x.size() < kFewestSamples) return std::nullopt;
   // About eight samples a period: more makes the model spend its order on the smoothness of the signal.
   const auto thinned = std::max<std::size_t>(static_cast<std::size_t>(1.0 / (8.0 * frequency * series.step)), 1);
   std::vector<double> x(series.x.size() / thinned, 0.0);

@@ -16,7 +16,6 @@
 namespace terrode::analysis {
 namespace {
 
-constexpr double kTwoPi = 2.0 * std::numbers::pi;
 constexpr double kLongGap = 0.1;     // of the series
 constexpr double kGapFactor = 1.75;  // a step this much longer than the median holds a missing sample
 

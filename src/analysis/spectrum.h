@@ -4,11 +4,14 @@
 
 #include <complex>
 #include <cstddef>
+#include <numbers>
 #include <span>
 #include <string>
 #include <vector>
 
 namespace terrode::analysis {
+
+inline constexpr double kTwoPi = 2.0 * std::numbers::pi;
 
 // Even samples of a series: x_i at t0 + i step. The axis may be time [s], wheel turns, or metres.
 struct EvenSeries {

@@ -9,13 +9,13 @@
 #include <limits>
 
 #include "core/units.h"
+#include "recording/gap.h"
 #include "recording/hdf5_file.h"
 #include "recording/mat_file.h"
 
 namespace terrode::recording {
 namespace {
 
-constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kTimeProblemsKept = 5;
 
 std::string lower_extension(const std::string& path) {

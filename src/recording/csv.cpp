@@ -13,11 +13,11 @@
 #include <set>
 
 #include "core/system_error.h"
+#include "recording/gap.h"
 
 namespace terrode::recording {
 namespace {
 
-constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kBadCellsKept = 5;
 constexpr std::size_t kRowProblemsKept = 10;
 constexpr std::size_t kRowProblemsRead = 10'000;  // each may be filled up with thousands of gaps

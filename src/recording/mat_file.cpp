@@ -13,6 +13,7 @@
 #include <memory>
 #include <vector>
 
+#include "recording/gap.h"
 #include "recording/hdf5_lock.h"
 #include "recording/mat_check.h"
 
@@ -26,7 +27,6 @@ struct VarFreer {
   void operator()(matvar_t* v) const { Mat_VarFree(v); }
 };
 
-constexpr double kGap = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kMaxColumns = 4096;
 
 // The library's messages end up in the exception, not on the terminal.

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "vehicle/ramp.h"
+
 namespace terrode::vehicle {
 
 using multibody::Body;
@@ -15,17 +17,9 @@ using multibody::Slider;
 
 namespace {
 
-constexpr double standstill = 1e-9;        // m/s of the rim, below which slip has no meaning
 constexpr double rim_over_carriage = 5.0;  // longest rim travel in carriage distances
 // A wheel let go on grains rests when it has moved slower than this [m/s] for this long [s], or after the longest time.
 constexpr double rest_speed = 5e-3, rest_time = 0.02, longest_rest = 0.5;
-
-// 0 to 1 with continuous acceleration.
-double smooth_step(double u) {
-  if (u <= 0.0) return 0.0;
-  if (u >= 1.0) return 1.0;
-  return u * u * u * (10.0 + u * (6.0 * u - 15.0));
-}
 
 double lifted_mass(const RigSpec& s) {
   return s.lifted_mass ? *s.lifted_mass : std::max(s.normal_load / s.gravity, 1.1 * s.wheel_mass);

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "vehicle/ramp.h"
 #include "vehicle/vehicle_parts.h"
 #include "wheel/convex.h"
 
@@ -18,19 +19,8 @@ using multibody::MassProperties;
 
 namespace {
 
-constexpr double standstill = 1e-9;         // m/s of the rim, below which slip has no meaning
 constexpr double torque_servo_speed = 1e4;  // rad/s no wheel reaches: a motor set to it gives its largest torque
 constexpr int machine_group = 1;            // of collision shapes: parts of the machine do not feel each other
-
-double smooth_step(double u) {
-  if (u <= 0.0) return 0.0;
-  if (u >= 1.0) return 1.0;
-  return u * u * u * (10.0 + u * (6.0 * u - 15.0));
-}
-
-Problem problem(std::string key, std::string message, std::string expected) {
-  return vehicle_problem(std::move(key), std::move(message), std::move(expected));
-}
 
 void set_spring(AxisJoint& joint, const SpringSpec& s) {
   joint.set_spring(s.stiffness, s.damping, s.stiffness > 0.0 ? s.preload / s.stiffness : 0.0);
@@ -47,7 +37,7 @@ Vehicle::Vehicle(const VehicleSpec& spec, const VehicleOptions& options, std::un
   Problems p = spec.validate();
   const Problems more = options.validate();
   p.insert(p.end(), more.begin(), more.end());
-  if (ground_ == nullptr) p.push_back(problem("ground", "is missing", "a ground under the machine"));
+  if (ground_ == nullptr) p.push_back(vehicle_problem("ground", "is missing", "a ground under the machine"));
   throw_if_any(p);
   build();
 }
@@ -207,7 +197,7 @@ void Vehicle::place_rocks() {
     for (std::size_t i = 0; i < wheels_.size(); ++i) {
       const Vec3 at = wheels_[i].body->pose().p_W;
       if (r.distance(at.x(), at.y()) < wheels_[i].radius)
-        p.push_back(problem("rocks." + r.name, "lies under the wheel '" + spec_.wheels[i].name + "' at the start",
+        p.push_back(vehicle_problem("rocks." + r.name, "lies under the wheel '" + spec_.wheels[i].name + "' at the start",
                             "a place free of the machine"));
     }
     // The highest ground under a loose rock, so that it starts above all of it.
@@ -225,7 +215,7 @@ void Vehicle::place_rocks() {
       continue;
     }
     if (bodies_.contains(r.name)) {
-      p.push_back(problem("rocks." + r.name + ".name", "is a body of the machine", "a name of its own"));
+      p.push_back(vehicle_problem("rocks." + r.name + ".name", "is a body of the machine", "a name of its own"));
       continue;
     }
     const bool ball = r.shape == multibody::ShapeKind::sphere;
@@ -241,13 +231,13 @@ void Vehicle::place_rocks() {
 
 Body& Vehicle::body(const std::string& name) {
   const auto it = bodies_.find(name);
-  if (it == bodies_.end()) throw InputError(problem("body", "'" + name + "' is not there", "a body of the machine"));
+  if (it == bodies_.end()) throw InputError(vehicle_problem("body", "'" + name + "' is not there", "a body of the machine"));
   return *it->second;
 }
 
 multibody::Joint& Vehicle::joint(const std::string& name) {
   const auto it = joints_.find(name);
-  if (it == joints_.end()) throw InputError(problem("joint", "'" + name + "' is not there", "a joint of the machine"));
+  if (it == joints_.end()) throw InputError(vehicle_problem("joint", "'" + name + "' is not there", "a joint of the machine"));
   return *it->second;
 }
 
@@ -258,14 +248,14 @@ double Vehicle::time() const { return settled_ ? world_->time() - zero_time_ : 0
 void Vehicle::drive(std::size_t wheel, double command) {
   if (wheel >= wheels_.size() || !std::isfinite(command))
     throw InputError(
-        problem("drive", fmt::format("of wheel {} is {:.6g}", wheel, command), "a wheel and a finite command"));
+        vehicle_problem("drive", fmt::format("of wheel {} is {:.6g}", wheel, command), "a wheel and a finite command"));
   wheels_[wheel].command = command;
 }
 
 void Vehicle::steer(std::size_t wheel, double angle) {
   if (wheel >= wheels_.size() || !std::isfinite(angle))
     throw InputError(
-        problem("steer", fmt::format("of wheel {} is {:.6g}", wheel, angle), "a wheel and a finite angle"));
+        vehicle_problem("steer", fmt::format("of wheel {} is {:.6g}", wheel, angle), "a wheel and a finite angle"));
   if (!spec_.wheels[wheel].steering) return;
   const double limit = spec_.wheels[wheel].steering->limit;
   wheels_[wheel].target_angle = std::clamp(angle, -limit, limit);

@@ -18,14 +18,6 @@ namespace {
 
 constexpr double overturned_cos = 0.25;  // of the angle between the machine's up and the ground's
 
-Problem problem(std::string key, std::string message, std::string expected) {
-  return vehicle_problem(std::move(key), std::move(message), std::move(expected));
-}
-
-}  // namespace
-
-namespace {
-
 struct WheelChannel {
   const char* name;
   const char* unit;
@@ -248,7 +240,7 @@ bool Vehicle::immobilised() {
 
 recording::Run Vehicle::run(Controller& controller, double duration, const Progress& progress) {
   if (!(duration > 0.0) || !std::isfinite(duration))
-    throw InputError(problem("duration", fmt::format("is {:.6g} s", duration), "a finite time above 0"));
+    throw InputError(vehicle_problem("duration", fmt::format("is {:.6g} s", duration), "a finite time above 0"));
   const double h = options_.time_step;
   const auto block = static_cast<std::size_t>(std::max(1.0, std::round(options_.sample_interval / h)));
   const auto samples = static_cast<std::size_t>(std::min(duration / h / static_cast<double>(block) + 2.0, 1e6));
@@ -408,7 +400,7 @@ void Vehicle::resume(const recording::Checkpoint& c, Controller& controller) {
   c.take_samples(run_);
   const std::vector<double>&bodies = c.number("bodies"), &margins = c.number("margins");
   if (bodies.size() != body_runs_.size() * motion_count * run_.time.size() || margins.size() % 4 != 0)
-    throw InputError(problem("checkpoint", "is of another machine", "one of " + spec_.name));
+    throw InputError(vehicle_problem("checkpoint", "is of another machine", "one of " + spec_.name));
   const double* at = bodies.data();
   for (recording::Run& motion : body_runs_) {
     motion.time = run_.time;
@@ -428,7 +420,7 @@ void Vehicle::restore(const VehicleState& state, Controller* controller) {
   std::size_t count = state_numbers + 3 * wheels_.size();
   numbers_of(std::as_const(last_), [&](const double) { ++count; });
   if (state.numbers.size() != count)
-    throw InputError(problem("snapshot", "is of another machine", "one of " + spec_.name));
+    throw InputError(vehicle_problem("snapshot", "is of another machine", "one of " + spec_.name));
   simulation_->restore(state.simulation);
   const double* s = state.numbers.data();
   settled_ = *s++ != 0.0;

@@ -12,17 +12,13 @@ using multibody::MassProperties;
 
 namespace {
 
-Problem problem(std::string key, std::string message, std::string expected) {
-  return vehicle_problem(std::move(key), std::move(message), std::move(expected));
-}
-
 void check_spring(Problems& p, const std::string& key, const SpringSpec& s) {
   require(p, key + ".stiffness", s.stiffness, "N/m or N m/rad", s.stiffness >= 0.0, "0 or more");
   require(p, key + ".damping", s.damping, "N s/m or N m s/rad", s.damping >= 0.0, "0 or more");
   require(p, key + ".preload", s.preload, "N or N m", s.stiffness > 0.0 || s.preload == 0.0,
           "0, or a spring with stiffness");
   if (!(s.stiffness + s.damping > 0.0))
-    p.push_back(problem(key, "has neither stiffness nor damping", "one of them above 0"));
+    p.push_back(vehicle_problem(key, "has neither stiffness nor damping", "one of them above 0"));
 }
 
 }  // namespace
@@ -41,24 +37,24 @@ Problems VehicleSpec::validate() const {
   std::set<std::string> names, joint_names;
   const auto take = [&p](std::set<std::string>& taken, const std::string& key, const std::string& name_) {
     if (name_.empty())
-      p.push_back(problem(key + ".name", "is empty", "a name"));
+      p.push_back(vehicle_problem(key + ".name", "is empty", "a name"));
     else if (!taken.insert(name_).second)
-      p.push_back(problem(key + ".name", "'" + name_ + "' is taken", "a name of its own"));
+      p.push_back(vehicle_problem(key + ".name", "'" + name_ + "' is taken", "a name of its own"));
   };
-  if (bodies.empty()) p.push_back(problem("bodies", "is empty", "at least one body"));
+  if (bodies.empty()) p.push_back(vehicle_problem("bodies", "is empty", "at least one body"));
   for (const BodySpec& b : bodies) {
     const std::string key = "bodies." + b.name;
     take(names, key, b.name);
     require(p, key + ".mass", b.mass, "kg", b.mass > 0.0, "a mass above 0");
-    if (!b.position.allFinite()) p.push_back(problem(key + ".position", "is not finite", "three lengths"));
+    if (!b.position.allFinite()) p.push_back(vehicle_problem(key + ".position", "is not finite", "three lengths"));
     if (!b.inertia && !(b.size.allFinite() && b.size.minCoeff() > 0.0))
-      p.push_back(problem(key + ".size", "has a length of 0 or less", "three lengths above 0"));
+      p.push_back(vehicle_problem(key + ".size", "has a length of 0 or less", "three lengths above 0"));
   }
-  if (wheels.empty()) p.push_back(problem("wheels", "is empty", "at least one wheel"));
+  if (wheels.empty()) p.push_back(vehicle_problem("wheels", "is empty", "at least one wheel"));
   const auto known = [&](const std::string& key, const std::string& name_) {
     if (names.contains(name_)) return;
     const std::string near = nearest_word(name_, {names.begin(), names.end()});
-    p.push_back(problem(key, "'" + name_ + "' is not a body", near.empty() ? "the name of a body" : "'" + near + "'"));
+    p.push_back(vehicle_problem(key, "'" + name_ + "' is not a body", near.empty() ? "the name of a body" : "'" + near + "'"));
   };
   const std::set<std::string> body_names = names;
   for (const VehicleWheelSpec& w : wheels) {
@@ -66,7 +62,7 @@ Problems VehicleSpec::validate() const {
     take(names, key, w.name);
     if (!body_names.contains(w.parent)) known(key + ".parent", w.parent);
     require(p, key + ".mass", w.mass, "kg", w.mass > 0.0, "a mass above 0");
-    if (!w.centre.allFinite()) p.push_back(problem(key + ".centre", "is not finite", "three lengths"));
+    if (!w.centre.allFinite()) p.push_back(vehicle_problem(key + ".centre", "is not finite", "three lengths"));
     if (w.inertia)
       for (const Problem& q : MassProperties{w.mass, *w.inertia}.validate(key)) p.push_back(q);
     for (Problem q : w.shape.validate()) {
@@ -74,9 +70,9 @@ Problems VehicleSpec::validate() const {
       p.push_back(q);
     }
     if (!(w.drive.max_torque >= 0.0))
-      p.push_back(problem(key + ".drive.max_torque", "is below 0", "a torque, 0 or more"));
+      p.push_back(vehicle_problem(key + ".drive.max_torque", "is below 0", "a torque, 0 or more"));
     if (w.drive.kind == DriveKind::torque && std::isinf(w.drive.max_torque))
-      p.push_back(problem(key + ".drive.max_torque", "is missing", "the largest torque of a torque drive"));
+      p.push_back(vehicle_problem(key + ".drive.max_torque", "is missing", "the largest torque of a torque drive"));
     if (w.drive.kind == DriveKind::dc_motor) {
       const DcMotorSpec& m = w.drive.motor;
       const std::string at = key + ".drive.motor";
@@ -87,7 +83,7 @@ Problems VehicleSpec::validate() const {
       require(p, at + ".efficiency", m.efficiency, "-", m.efficiency > 0.0 && m.efficiency <= 1.0,
               "above 0, at most 1");
       require(p, at + ".speed_gain", m.speed_gain, "V s/rad", m.speed_gain >= 0.0, "0 or more");
-      if (!(m.current_limit > 0.0)) p.push_back(problem(at + ".current_limit", "is not above 0", "a current above 0"));
+      if (!(m.current_limit > 0.0)) p.push_back(vehicle_problem(at + ".current_limit", "is not above 0", "a current above 0"));
     }
     if (w.strut) {
       check_spring(p, key + ".strut", w.strut->spring);
@@ -102,10 +98,10 @@ Problems VehicleSpec::validate() const {
       if (!s.joint.empty()) {
         const auto j = std::find_if(joints.begin(), joints.end(), [&](const JointSpec& x) { return x.name == s.joint; });
         if (j == joints.end() || j->kind != JointKind::hinge || j->body != w.parent || j->spring)
-          p.push_back(problem(key + ".steering.joint", "'" + s.joint + "' does not steer this wheel",
+          p.push_back(vehicle_problem(key + ".steering.joint", "'" + s.joint + "' does not steer this wheel",
                               "a hinge without spring whose body is the wheel's parent '" + w.parent + "'"));
         if (w.strut)
-          p.push_back(problem(key + ".strut", "stands beside steering.joint", "a slider of the machine's own joints"));
+          p.push_back(vehicle_problem(key + ".strut", "stands beside steering.joint", "a slider of the machine's own joints"));
       }
     }
   }
@@ -114,15 +110,15 @@ Problems VehicleSpec::validate() const {
     take(joint_names, key, j.name);
     known(key + ".body", j.body);
     known(key + ".parent", j.parent);
-    if (j.body == j.parent) p.push_back(problem(key, "joins '" + j.body + "' to itself", "two bodies"));
+    if (j.body == j.parent) p.push_back(vehicle_problem(key, "joins '" + j.body + "' to itself", "two bodies"));
     if (!j.anchor.allFinite() || !j.anchor_on_parent.allFinite() || !j.axis.allFinite())
-      p.push_back(problem(key, "has a place or axis that is not finite", "finite numbers"));
+      p.push_back(vehicle_problem(key, "has a place or axis that is not finite", "finite numbers"));
     const bool has_axis = j.kind == JointKind::hinge || j.kind == JointKind::slider;
-    if (has_axis && !(j.axis.norm() > 1e-9)) p.push_back(problem(key + ".axis", "is zero", "a direction"));
+    if (has_axis && !(j.axis.norm() > 1e-9)) p.push_back(vehicle_problem(key + ".axis", "is zero", "a direction"));
     if (j.kind == JointKind::rod && !((j.anchor - j.anchor_on_parent).norm() > 1e-9))
-      p.push_back(problem(key + ".anchor_on_parent", "is where the other end is", "a rod with a length"));
+      p.push_back(vehicle_problem(key + ".anchor_on_parent", "is where the other end is", "a rod with a length"));
     if (j.spring && !has_axis)
-      p.push_back(problem(key + ".spring", "stands at a joint without axis", "a hinge or slider"));
+      p.push_back(vehicle_problem(key + ".spring", "stands at a joint without axis", "a hinge or slider"));
     if (j.spring) check_spring(p, key + ".spring", *j.spring);
   }
   for (const VehicleWheelSpec& w : wheels) {
@@ -137,18 +133,18 @@ Problems VehicleSpec::validate() const {
     require(p, key + ".noise", s.noise, "of its unit", s.noise >= 0.0, "0 or more");
     if (s.kind == SensorKind::imu) {
       known(key + ".body", s.body);
-      if (!s.position.allFinite()) p.push_back(problem(key + ".position", "is not finite", "three lengths"));
+      if (!s.position.allFinite()) p.push_back(vehicle_problem(key + ".position", "is not finite", "three lengths"));
     } else if (!joint_names.contains(s.joint)) {
       const std::string near = nearest_word(s.joint, {joint_names.begin(), joint_names.end()});
-      p.push_back(problem(key + ".joint", "'" + s.joint + "' is not a joint",
+      p.push_back(vehicle_problem(key + ".joint", "'" + s.joint + "' is not a joint",
                           near.empty() ? "the name of a joint, or <wheel>.axle, .steering, .strut" : "'" + near + "'"));
     }
     if (s.kind == SensorKind::encoder)
       for (const JointSpec& j : joints)
         if (j.name == s.joint && j.kind != JointKind::hinge && j.kind != JointKind::slider)
-          p.push_back(problem(key + ".joint", "'" + s.joint + "' has no axis", "a hinge or slider"));
+          p.push_back(vehicle_problem(key + ".joint", "'" + s.joint + "' has no axis", "a hinge or slider"));
   }
-  if (!hitch.allFinite()) p.push_back(problem("hitch", "is not finite", "three lengths"));
+  if (!hitch.allFinite()) p.push_back(vehicle_problem("hitch", "is not finite", "three lengths"));
   return p;
 }
 
@@ -158,7 +154,7 @@ Problems VehicleOptions::validate() const {
   require(p, "options.sample_interval", sample_interval, "s", sample_interval >= 0.0, "0 or more");
   require(p, "options.settle_time", settle_time, "s", settle_time > 0.0, "above 0");
   if (!gravity.allFinite() || !(gravity.z() < 0.0))
-    p.push_back(problem("options.gravity", "does not point down", "a finite vector with z below 0"));
+    p.push_back(vehicle_problem("options.gravity", "does not point down", "a finite vector with z below 0"));
   require(p, "options.start_x", start_x, "m", true, "a finite position");
   require(p, "options.start_y", start_y, "m", true, "a finite position");
   require(p, "options.start_heading", start_heading, "rad", true, "a finite angle");
@@ -172,7 +168,7 @@ Problems VehicleOptions::validate() const {
     const Problems wrong = r.validate("rocks." + r.name);
     p.insert(p.end(), wrong.begin(), wrong.end());
     if (!rock_names.insert(r.name).second)
-      p.push_back(problem("rocks." + r.name + ".name", "is taken", "a name of its own"));
+      p.push_back(vehicle_problem("rocks." + r.name + ".name", "is taken", "a name of its own"));
   }
   for (const Problem& q : rock_contact.validate("rock_contact")) p.push_back(q);
   return p;
