@@ -55,7 +55,7 @@ function(terrode_tool name)
 endfunction()
 
 # One test program per ring and room, from tests/<ring>/<room>/*_test.cpp; CTest labels: ring, room.
-# Files named *_long_test.cpp go to a program of their own with the label `long`, left out of tools/test.
+# Files named *_long_test.cpp go to a program of their own with the label `long`, with TERRODE_LONG_TESTS.
 function(terrode_add_tests)
   get_property(rooms GLOBAL PROPERTY TERRODE_ROOMS)
   get_property(arrows GLOBAL PROPERTY TERRODE_ARROWS)
@@ -66,7 +66,9 @@ function(terrode_add_tests)
       list(FILTER sources EXCLUDE REGEX "_long_test.cpp$")
       list(FILTER long_sources INCLUDE REGEX "_long_test.cpp$")
       terrode_test_program(${ring}_${room} "${sources}" "${ring};${room}" ${room})
-      terrode_test_program(${ring}_${room}_long "${long_sources}" "long;${ring};${room}" ${room})
+      if(TERRODE_LONG_TESTS)
+        terrode_test_program(${ring}_${room}_long "${long_sources}" "long;${ring};${room}" ${room})
+      endif()
     endforeach()
   endforeach()
   # Of that file alone: a definition of the whole program would keep the others from its precompiled headers.
