@@ -355,7 +355,10 @@ class Diagnoser {
       // conditions that took no part in the fit: small change to a form that does not quite fit helps there little.
       out_.growth.push_back({tried[top].hypothesis.label(), more, lack_of_fit(best_), lack_of_fit(tried[top])});
       if (more < kFurther || chi < out_.gate + 6.0) break;
-      const HeldOut held = held_out(model_, best_, tried[top], options_.threads);
+      // What by its nature moves no mean (a sensor that lags) is held against the whole series.
+      const effects::Fingerprint& mark = effects::find_effect(tried[top].hypothesis.effects.back().id)->info->fingerprint;
+      const bool of_series = mark.pull == 0 && mark.torque == 0 && mark.sinkage == 0;
+      const HeldOut held = held_out(model_, best_, tried[top], of_series, options_.threads);
       const auto& [without, with] = held.error;
       // No channel may pay for another: what mends one and spoils the next is not the cause.
       const std::array<double, kChannels> floor = scatter_of_means();
@@ -365,9 +368,6 @@ class Diagnoser {
         improvement += std::log(without[ch] / with[ch]);
         least = std::min(least, std::log((without[ch] + floor[ch]) / (with[ch] + floor[ch])));
       }
-      // What by its nature moves no mean (a sensor that lags) is held against the whole series.
-      const effects::Fingerprint& mark = effects::find_effect(tried[top].hypothesis.effects.back().id)->info->fingerprint;
-      const bool of_series = mark.pull == 0 && mark.torque == 0 && mark.sinkage == 0;
       const bool helps = of_series ? held.series > out_.gate * overdispersion(tried[top].fit) : improvement >= (depth == 0 ? 0.15 : 0.25);
       if (!helps || least < -0.15) break;
       best_ = tried[top];
@@ -730,10 +730,10 @@ class Diagnoser {
     for (const Tried& t : weighed_) {
       const std::vector<Hypothesis::Member>& members = t.hypothesis.effects;
       if (members.size() != best_.hypothesis.effects.size() + 1 || !std::isfinite(t.fit.chi2)) continue;
-      const auto more = std::find_if(members.begin(), members.end(), [&](const auto& m) { return !contains(best_.hypothesis, m.id); });
-      const effects::Fingerprint& mark = effects::find_effect(more->id)->info->fingerprint;
-      const bool extends = std::all_of(best_.hypothesis.effects.begin(), best_.hypothesis.effects.end(), [&](const auto& m) { return contains(t.hypothesis, m.id); });
-      if (extends && !mark.with_time && !mark.with_position) out = std::max(out, over(t.fit));
+      const auto further = [&](const auto& m) { return !contains(best_.hypothesis, m.id); };
+      if (std::count_if(members.begin(), members.end(), further) != 1) continue;
+      const effects::Fingerprint& mark = effects::find_effect(std::find_if(members.begin(), members.end(), further)->id)->info->fingerprint;
+      if (!mark.with_time && !mark.with_position) out = std::max(out, over(t.fit));
     }
     return out;
   }

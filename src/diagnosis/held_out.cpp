@@ -57,7 +57,7 @@ std::vector<std::pair<std::string, std::vector<char>>> blocks_of(const Campaign&
   return out;
 }
 
-Fold fold(const Model& model, const Tried& from, const Hypothesis& h, const std::vector<char>& held, int iterations) {
+Fold fold(const Model& model, const Tried& from, const Hypothesis& h, const std::vector<char>& held, int iterations, bool of_series) {
   const Campaign& campaign = model.campaign();
   Fold out;
   std::vector<char> use(held.size());
@@ -73,21 +73,24 @@ Fold fold(const Model& model, const Tried& from, const Hypothesis& h, const std:
           out.squares[ch] += std::pow(m[0] - m[1], 2);
           ++out.count[ch];
         }
-    const std::vector<char> none(held.size(), 0);
-    out.chi2 = model.residuals(h, out.fit, held).squaredNorm() - model.residuals(h, out.fit, none).squaredNorm();
+    if (of_series) {
+      // Curves of the soil take part in both.
+      const std::vector<char> none(held.size(), 0);
+      out.chi2 = model.residuals(h, out.fit, held).squaredNorm() - model.residuals(h, out.fit, none).squaredNorm();
+    }
     out.solved = true;
   } catch (const RunError&) {
   }
   return out;
 }
 
-HeldOut held_out(const Model& model, const Tried& a, const Tried& b, int threads) {
+HeldOut held_out(const Model& model, const Tried& a, const Tried& b, bool of_series, int threads) {
   const auto blocks = blocks_of(model.campaign());
   const std::array<const Tried*, 2> both = {&a, &b};
   const std::array<Hypothesis, 2> from = {continued(model, a), continued(model, b)};
   using Folds = std::array<Fold, 2>;
   std::vector<Folds> folds(blocks.size());
-  parallel_for(2 * blocks.size(), threads, [&](std::size_t k) { folds[k / 2][k % 2] = fold(model, *both[k % 2], from[k % 2], blocks[k / 2].second, 6); });
+  parallel_for(2 * blocks.size(), threads, [&](std::size_t k) { folds[k / 2][k % 2] = fold(model, *both[k % 2], from[k % 2], blocks[k / 2].second, 6, of_series); });
   std::erase_if(folds, [](const Folds& f) { return !f[0].solved || !f[1].solved; });
   const auto heard = [&](const auto& takes_part, const auto& gain) {
     std::vector<const Folds*> out;
@@ -109,6 +112,7 @@ HeldOut held_out(const Model& model, const Tried& a, const Tried& b, int threads
     }
     for (auto& o : out.error) o[ch] = n ? std::sqrt(o[ch] / n) : 0.0;
   }
+  if (!of_series) return out;
   const auto gain = [](const Folds& f) { return f[0].chi2 - f[1].chi2; };
   for (const Folds* f : heard([](const Folds&) { return true; }, gain)) out.series += gain(*f);
   return out;

@@ -30,9 +30,8 @@ std::vector<std::string> contradictions(const Campaign& campaign) {
     }
     if (r.has[0]) pulls[q.normal_load].emplace_back(q.slip, mean(0) / q.normal_load);
   }
-  if (checked > 0 && 3 * impossible > checked) {
+  if (checked > 0 && 3 * impossible > checked)
     out.push_back(fmt::format("{} of {} driven runs give out more work than they take in (T omega < DP v): a sign, a unit or a gain is wrong", impossible, checked));
-  }
   double low = 0, high = 0;
   int nl = 0, nh = 0;
   for (const auto& [load, list] : pulls)
@@ -46,9 +45,8 @@ std::vector<std::string> contradictions(const Campaign& campaign) {
         ++nh;
       }
     }
-  if (nl > 0 && nh > 0 && high / nh < low / nl) {
+  if (nl > 0 && nh > 0 && high / nh < low / nl)
     out.push_back("drawbar pull falls from negative to positive slip: its sign is the other way round");
-  }
   for (std::size_t ch = 0; ch < kChannels; ++ch) {
     double top = 0;
     bool has = false;
@@ -56,9 +54,8 @@ std::vector<std::string> contradictions(const Campaign& campaign) {
       has = has || r.has[ch];
       for (const double v : r.mean[ch]) top = std::max(top, std::abs(v));
     }
-    if (has && top == 0) {
+    if (has && top == 0)
       out.push_back(fmt::format("{} is zero in every run", channel_name(static_cast<int>(ch))));
-    }
   }
   return out;
 }

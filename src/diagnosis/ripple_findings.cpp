@@ -44,6 +44,7 @@ RippleFindings findings_of(const RippleSearch& ripples, const Campaign& campaign
         break;
       case Lock::time:
         if (l.relative > 0.012 || sinkage_leads) ids = {sinkage_leads ? "undamped_bed" : "carriage_resonance"};
+        // Where all runs have one speed it may be the wheel's as well.
         if (!ids.empty() && l.order > 2 && !pull_alone(l)) ids.insert(ids.begin(), "grousers");
         break;
       case Lock::travel:

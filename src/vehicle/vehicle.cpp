@@ -198,7 +198,7 @@ void Vehicle::place_rocks() {
       const Vec3 at = wheels_[i].body->pose().p_W;
       if (r.distance(at.x(), at.y()) < wheels_[i].radius)
         p.push_back(vehicle_problem("rocks." + r.name, "lies under the wheel '" + spec_.wheels[i].name + "' at the start",
-                            "a place free of the machine"));
+                                    "a place free of the machine"));
     }
     // The highest ground under a loose rock, so that it starts above all of it.
     double level = ground_->undisturbed_height(r.x, r.y);

@@ -99,7 +99,7 @@ Problems VehicleSpec::validate() const {
         const auto j = std::find_if(joints.begin(), joints.end(), [&](const JointSpec& x) { return x.name == s.joint; });
         if (j == joints.end() || j->kind != JointKind::hinge || j->body != w.parent || j->spring)
           p.push_back(vehicle_problem(key + ".steering.joint", "'" + s.joint + "' does not steer this wheel",
-                              "a hinge without spring whose body is the wheel's parent '" + w.parent + "'"));
+                                      "a hinge without spring whose body is the wheel's parent '" + w.parent + "'"));
         if (w.strut)
           p.push_back(vehicle_problem(key + ".strut", "stands beside steering.joint", "a slider of the machine's own joints"));
       }
@@ -137,7 +137,7 @@ Problems VehicleSpec::validate() const {
     } else if (!joint_names.contains(s.joint)) {
       const std::string near = nearest_word(s.joint, {joint_names.begin(), joint_names.end()});
       p.push_back(vehicle_problem(key + ".joint", "'" + s.joint + "' is not a joint",
-                          near.empty() ? "the name of a joint, or <wheel>.axle, .steering, .strut" : "'" + near + "'"));
+                                  near.empty() ? "the name of a joint, or <wheel>.axle, .steering, .strut" : "'" + near + "'"));
     }
     if (s.kind == SensorKind::encoder)
       for (const JointSpec& j : joints)

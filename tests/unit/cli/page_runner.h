@@ -58,7 +58,8 @@ class PageRunner {
   }
   ~PageRunner() { fs::remove_all(folder_); }
 
-  // Number of commands run. Only lines that begin with `terrode` are commands; "..." in a printed block stands for any lines.
+  // Number of commands run. Only lines that begin with `terrode`, or with the `sed` that makes its scenario, are commands; "..." in
+  // a printed block stands for any lines.
   int run(const fs::path& page) {
     int commands = 0;
     for (const Block& b : blocks_of(page)) {
@@ -78,7 +79,7 @@ class PageRunner {
           const std::string command = b.lines[i].starts_with("$ ") ? b.lines[i].substr(2) : "";
           std::vector<std::string> printed;
           for (++i; i < b.lines.size() && !b.lines[i].starts_with("$ "); ++i) printed.push_back(b.lines[i]);
-          if (!command.starts_with("terrode ")) continue;
+          if (!command.starts_with("terrode ") && !command.starts_with("sed ")) continue;
           ++commands;
           compare(printed, execute(command, where), where + ": " + command);
         }
