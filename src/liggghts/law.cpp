@@ -22,7 +22,7 @@ bool rolls(const Interaction& i) { return i.rolling != "none" && (i.rolling_fric
 }  // namespace
 
 const std::vector<std::string>& approximations() {
-  static const std::vector<std::string> names = {"unprojected_rolling", "constant_rolling", "spring_cdt", "wheel_rolling"};
+  static const std::vector<std::string> names = {"unprojected_rolling", "constant_rolling", "spring_cdt", "wheel_rolling", "floor_rolling"};
   return names;
 }
 
@@ -43,13 +43,15 @@ Problems law_problems(const DemTerrainParams& p, const std::vector<std::string>&
     approximable("rolling", fmt::format("is {}, whose spring is projected on the tangent plane", soil.rolling), "unprojected_rolling",
                  soil.rolling + "_unprojected");
   if (soil.rolling == "cdt") approximable("rolling", "is cdt of the whole normal force", "spring_cdt", "another part");
-  if (soil.rolling != "none" && (soil.rolling_rate > 0.0 || p.wheel.rolling_rate > 0.0))
+  if (soil.rolling != "none" && (soil.rolling_rate > 0.0 || p.wheel.rolling_rate > 0.0 || p.floor.rolling_rate > 0.0))
     approximable("rolling_rate", fmt::format("is {:.6g} s^2/m^2, a rolling coefficient that depends on the rate", soil.rolling_rate),
                  "constant_rolling", "0");
   if (p.surface == dem::WheelSurface::shape && rolls(p.wheel))
     approximable("wheel_rolling_friction",
                  fmt::format("is {:.6g}: rolling resistance relative to the turning wheel, with its couple on it", p.wheel.rolling_friction),
                  "wheel_rolling", "0");
+  if (rolls(p.floor))
+    approximable("floor", fmt::format("resists rolling by {:.6g}", p.floor.rolling_friction), "floor_rolling", "smooth");
   if (p.surface == dem::WheelSurface::spheres) refuse("wheel_surface", "is spheres", "shape");
   for (const auto& [name, i] : {std::pair{"soil", &soil}, {"wheel", &p.wheel}, {"floor", &p.floor}}) {
     if (i->cohesion != "none") refuse(fmt::format("{}.cohesion", name), "is " + i->cohesion, "none");

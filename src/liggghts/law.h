@@ -14,6 +14,7 @@ namespace terrode::liggghts {
 //   spring_cdt           cdt takes the spring's part of the normal force and the whole relative spin
 //   wheel_rolling        rolling resistance on the wheel acts on the grain's own spin instead of that relative to the
 //                        wheel, and the wheel does not feel its couple
+//   floor_rolling        rolling resistance on a rough floor takes another share of the spin (LIGGGHTS' on walls)
 const std::vector<std::string>& approximations();
 
 // What of these parameters LIGGGHTS cannot express, each with its key, apart from the approximations named.

@@ -354,7 +354,9 @@ void LiggghtsTerrain::move_window() {
     const double x = b.pose.p_W.x();
     const double low = full() ? from_ + p.border : -params_.reach_behind, high = full() ? to_ - p.border : params_.reach_ahead;
     if (x < low || x > high)
-      throw RunError(fmt::format("the wheel is at x = {:.4g} m, beyond the bed that is laid for it from {:.4g} to {:.4g} m", x, low, high));
+      throw RunError(fmt::format("a wheel is at x = {:.4g} m, beyond the bed that is laid for it from {:.4g} to {:.4g} m (dem lays it as it goes)", x, low, high));
+    if (const double y = b.pose.p_W.y(); std::abs(y) > 0.5 * width())
+      throw RunError(fmt::format("a wheel is at y = {:.4g} m, beyond the bed that is laid for it to {:.4g} m on either side", y, 0.5 * width()));
     from = any ? std::min(from, x) : x;
     to = any ? std::max(to, x) : x;
     any = true;
@@ -511,7 +513,7 @@ std::vector<std::uint8_t> LiggghtsTerrain::snapshot() const {
 }
 
 void LiggghtsTerrain::restore(std::span<const std::uint8_t> bytes) {
-  if (in_step_) throw RunError("a restore within a step");
+  in_step_ = false;
   std::vector<double> own(8 + 7 * bodies_.size());
   const std::size_t head = own.size() * sizeof(double);
   const auto wrong = [] { return InputError(Problem{{}, 0, 0, "ground", "is not a saved state of these bodies on LIGGGHTS", {}}); };

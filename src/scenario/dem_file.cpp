@@ -62,7 +62,7 @@ dem::DemTerrainParams particle_law(const Scenario& s) {
   out.soil = out.wheel = recipe.contact;
   out.wheel.friction = p.wheel_friction.value_or(p.friction);
   out.wheel.rolling_friction = p.wheel_rolling_friction.value_or(p.rolling_friction);
-  out.floor = recipe.floor;
+  out.floor = p.floor == "rough" ? recipe.contact : recipe.floor;
   out.settling_friction = p.settling_friction;
   out.settling_rolling_friction = p.settling_rolling_friction;
   out.surface = p.wheel_surface == "spheres" ? dem::WheelSurface::spheres : dem::WheelSurface::shape;
@@ -131,7 +131,10 @@ liggghts::LiggghtsParams liggghts_params(const Scenario& s, int threads, const P
 std::unique_ptr<terrain::Terrain> liggghts_ground(const Scenario& s, const effects::EffectSet& effects, int threads,
                                                   const Progress& progress) {
   refuse_bed_effects(s, effects, "mpi");
-  liggghts::LiggghtsParams params = liggghts_params(s, threads, progress);
+  return liggghts_ground(s, liggghts_params(s, threads, progress));
+}
+
+std::unique_ptr<terrain::Terrain> liggghts_ground(const Scenario& s, liggghts::LiggghtsParams params) {
   try {
     return liggghts::make_terrain(std::move(params));
   } catch (const InputError& e) {

@@ -32,5 +32,7 @@ std::unique_ptr<terrain::Terrain> particle_ground(const Scenario& scenario, cons
 // A fresh one on LIGGGHTS. Throws InputError also for what of the law it cannot express, and in a build without it.
 std::unique_ptr<terrain::Terrain> liggghts_ground(const Scenario& scenario, const effects::EffectSet& effects, int threads = 1,
                                                   const Progress& progress = {});
+// The same with parameters of its own (liggghts_params, more bed); problems are those of the scenario's keys.
+std::unique_ptr<terrain::Terrain> liggghts_ground(const Scenario& scenario, liggghts::LiggghtsParams params);
 
 }  // namespace terrode::scenario

@@ -20,6 +20,7 @@ Table<P> particles_table() {
       .number("prism", "m", above(0), &P::prism, "side of the settled prism that is repeated; absent: 0.46 radii")
       .number("prism_across", "m", above(0), &P::prism_across, "its side across the travel; absent: as along it")
       .number("depth", "m", above(0), &P::depth, "of the bed; absent: 0.77 radii")
+      .choice("floor", {"smooth", "rough"}, &P::floor, "under the bed; smooth: without friction, as the paper's; rough: as grain on grain")
       .number("width", "m", above(0), &P::width, "of the bed, rounded up to whole prisms; absent: the wheel's and 0.6 radii, two prisms or more")
       .choice("bed", {"moving", "full"}, &P::bed, "moving: laid ahead of the wheel, frozen behind it; full: all at once, its border fixed")
       .number("length", "m", above(0), &P::length, "of a full bed along the travel")

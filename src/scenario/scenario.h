@@ -116,6 +116,7 @@ struct ParticleSpec {
   std::optional<double> smallest, largest;          // m, diameters
   std::string distribution = "uniform", by = "number";
   std::optional<double> prism, prism_across, depth, width;  // m
+  std::string floor = "smooth";
   std::string bed = "moving";
   double length = 1.0, behind = 0.2, border = 0.01; // m, of a full bed
   std::optional<double> window_ahead, window_behind;  // m

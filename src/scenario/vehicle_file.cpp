@@ -128,7 +128,7 @@ double read_gravity(MapReader& map) {
 void read_soil_gravity(MapReader& map, double gravity, DriveScenario& out) {
   const auto choice = map.choice("soil_measured_at", {"here", "earth"});
   if (gravity == earth || out.ground == "rigid") return;
-  if (out.ground == "dem") {
+  if (out.on_particles()) {
     out.base.notes.push_back(fmt::format("gravity {:.4g} m/s2 acts on the machine and on every grain", gravity));
     return;
   }
@@ -196,7 +196,7 @@ DriveScenario parse_drive(const std::string& text, const std::string& file) {
     out.base.wheel.radius = out.machine.wheels.front().shape.radius;
     out.base.wheel.width = out.machine.wheels.front().shape.width;
   }
-  if (const auto g = map.choice("ground", {"node-spring", "rigid", "dem"})) out.ground = *g;
+  if (const auto g = map.choice("ground", {"node-spring", "rigid", "dem", "mpi"})) out.ground = *g;
   if (out.ground == "node-spring") map.need("soil");
   for (const Section& section : ground_sections())
     if (const Node* node = map.find(section.name)) section.read(*node, section.name, source, out.base);
@@ -215,13 +215,15 @@ DriveScenario parse_drive(const std::string& text, const std::string& file) {
     only("surface", out.base.surface != nullptr);
     only("soil_map", !out.base.soil_map.empty());
     only("soil_layers", !out.base.soil_layers.empty());
-    if (out.ground == "dem") {
+    if (out.on_particles()) {
       only("slope", slope != 0.0);
       only("start_heading", out.options.start_heading != 0.0);
     }
   }
-  if (out.ground != "dem" && map.has("particles"))
-    source.problem(*map.find("particles"), "particles", "are of ground dem, and this is " + out.ground, "ground: dem");
+  if (out.ground == "mpi" && out.options.margin_interval > 0.0)
+    source.problem(*map.find("mobility_margin"), "mobility_margin", "drives on beyond script and path, as far as which ground mpi is laid", "ground: dem");
+  if (!out.on_particles() && map.has("particles"))
+    source.problem(*map.find("particles"), "particles", "are of ground dem or mpi, and this is " + out.ground, "ground: dem");
   read_script(map, out);
   double total = 0.0;
   bool timed = !out.script.empty();
@@ -247,7 +249,7 @@ std::string vehicle_schema() {
   machine["description"] = "a ready-made machine by name, the path of a file, or a machine in place";
   machine["examples"] = machine_names();
   properties["vehicle"] = machine;
-  properties["ground"] = choice({"node-spring", "rigid", "dem"}, "what the machine stands on");
+  properties["ground"] = choice({"node-spring", "rigid", "dem", "mpi"}, "what the machine stands on");
   for (const Section& section : ground_sections()) properties[section.name] = section.schema();
   properties["gravity"] = {{"description", "a world or an acceleration [m/s^2]"},
                            {"anyOf", Json::array({Json{{"enum", {"earth", "moon", "mars"}}}, quantity_schema("m/s^2", above(0), "")})}};
@@ -272,20 +274,62 @@ DriveScenario load_drive(const std::string& path) {
   return parse_drive(read_text_file(path, ReadLimits{}.bytes), path);
 }
 
+namespace {
+
+// Half of what a machine is wide as it drives along x, and half of what it is in any direction: wheels and a radius beside
+// them [m].
+struct HalfWidth {
+  double along = 0.0, turned = 0.0;
+};
+
+HalfWidth half_width(const VehicleSpec& machine) {
+  HalfWidth out;
+  for (const VehicleWheelSpec& w : machine.wheels) {
+    const double beside = 0.5 * w.shape.width + w.shape.radius;
+    out.along = std::max(out.along, std::abs(w.centre.y()) + beside);
+    out.turned = std::max(out.turned, w.centre.head<2>().norm() + beside);
+  }
+  return out;
+}
+
+void widen(dem::DemTerrainParams& params, double half) {
+  params.tiles_y = std::max(params.tiles_y, static_cast<int>(std::ceil(2.0 * half / params.prism.length)));
+}
+
+}  // namespace
+
+std::unique_ptr<terrain::Terrain> DriveScenario::dem_ground(const Scenario& for_wheel, int threads, const Progress& progress) const {
+  dem::DemTerrainParams params = particle_params(for_wheel, threads, progress);
+  widen(params, half_width(machine).along);
+  return std::make_unique<dem::DemTerrain>(std::move(params));
+}
+
+std::unique_ptr<terrain::Terrain> DriveScenario::mpi_ground(const Scenario& for_wheel, int threads, const Progress& progress) const {
+  liggghts::LiggghtsParams params = liggghts_params(for_wheel, threads, progress);
+  const HalfWidth half = half_width(machine);
+  const bool straight = waypoints.empty() && std::all_of(script.begin(), script.end(), [](const vehicle::Manoeuvre& m) {
+                          return m.curvature == 0.0 && m.yaw_rate == 0.0;
+                        });
+  double behind = 0.0, ahead = 0.0, beside = 0.0;
+  for (const Eigen::Vector2d& p : planned_path()) {
+    behind = std::max(behind, -p.x());
+    ahead = std::max(ahead, p.x());
+    beside = std::max(beside, std::abs(p.y()) + (straight ? half.along : half.turned));
+  }
+  params.reach_behind = behind + half.turned;
+  params.reach_ahead = ahead + half.turned;
+  widen(params.bed, beside);
+  return liggghts_ground(for_wheel, std::move(params));
+}
+
 std::unique_ptr<terrain::Terrain> DriveScenario::make_ground(const effects::EffectSet& effects, int threads, const Progress& progress) const {
   if (ground == "rigid") return std::make_unique<terrain::RigidTerrain>();
-  if (ground == "dem") {
+  if (on_particles()) {
     if (effects.has_bed())
       throw InputError({file, 0, 0, "effects", "shape the bed, which particles do not know", "ground: node-spring"});
     Scenario for_wheel = base;
     for_wheel.rig.gravity = options.gravity.norm();
-    dem::DemTerrainParams params = particle_params(for_wheel, threads, progress);
-    // As wide as the machine and a wheel's radius to either side.
-    double half = 0.0;
-    for (const VehicleWheelSpec& w : machine.wheels)
-      half = std::max(half, std::abs(w.centre.y()) + 0.5 * w.shape.width + w.shape.radius);
-    params.tiles_y = std::max(params.tiles_y, static_cast<int>(std::ceil(2.0 * half / params.prism.length)));
-    return std::make_unique<dem::DemTerrain>(std::move(params));
+    return ground == "mpi" ? mpi_ground(for_wheel, threads, progress) : dem_ground(for_wheel, threads, progress);
   }
   return node_spring_ground(base, effects);
 }

@@ -119,6 +119,7 @@ std::vector<PatchNode> RigidTerrain::patch(BodyId body) const {
 std::vector<std::uint8_t> RigidTerrain::snapshot() const { return {'r', 'i', 'g', 'i', 'd'}; }
 
 void RigidTerrain::restore(std::span<const std::uint8_t> bytes) {
+  in_step_ = false;
   const auto own = snapshot();
   if (!std::equal(bytes.begin(), bytes.end(), own.begin(), own.end()))
     throw InputError("rigid ground: the snapshot is of another ground");

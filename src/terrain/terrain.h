@@ -131,14 +131,15 @@ class Terrain {
   }
 
   // All history as bytes, and back, bit for bit: a simulation restored between two steps goes on as if never left.
-  // Only between end_step() and begin_step(). restore() throws InputError for bytes of another ground.
+  // snapshot() only between end_step() and begin_step(); restore() also within a step, as after an error in it: the step
+  // is then as if never begun. restore() throws InputError for bytes of another ground.
   virtual std::vector<std::uint8_t> snapshot() const = 0;
   virtual void restore(std::span<const std::uint8_t> bytes) = 0;
 
   // A 64-bit digest of snapshot(): equal histories have equal digests on every machine.
   std::uint64_t hash() const;
 
-  // One name, as in a scenario: "rigid", "node-spring", "dem".
+  // One name, as in a scenario: "rigid", "node-spring", "dem", "mpi".
   virtual std::string name() const = 0;
 };
 

@@ -136,6 +136,10 @@ TEST(LiggghtsGround, AFreshGroundGoesOnFromASnapshot) {
   EXPECT_GT(straight, 1.0);
   // What is set up anew takes its first half step with the wheel at rest, which is 3 % of these forces.
   EXPECT_NEAR(push(*fresh, 60, 70), straight, 0.1 * straight);
+  fresh->begin_step(0, dem::h);
+  EXPECT_THROW(fresh->wrench(0, dem::at(9.0, 0.1), {}), RunError);  // beyond the bed
+  fresh->restore(saved);
+  EXPECT_NEAR(push(*fresh, 60, 70), straight, 0.1 * straight);
   saved.resize(20);
   EXPECT_THROW(fresh->restore(saved), InputError);
 }

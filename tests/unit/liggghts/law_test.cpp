@@ -68,6 +68,13 @@ TEST(LiggghtsLaw, RefusesEachDepartureByItsKeyUnlessItIsNamed) {
   EXPECT_THAT(keys(p, {"wheel_rolling"}), IsEmpty());
 
   p = expressible();
+  p.floor = p.soil;
+  EXPECT_THAT(keys(p), ::testing::ElementsAre("floor"));
+  EXPECT_THAT(keys(p, {"floor_rolling"}), IsEmpty());
+  p.floor.rolling_friction = 0.0;  // rough without rolling resistance
+  EXPECT_THAT(keys(p), IsEmpty());
+
+  p = expressible();
   p.soil.rolling = p.wheel.rolling = "cdt";
   EXPECT_THAT(keys(p), ::testing::ElementsAre("rolling"));
   EXPECT_THAT(keys(p, {"spring_cdt"}), IsEmpty());

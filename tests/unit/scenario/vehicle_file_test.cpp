@@ -85,12 +85,17 @@ TEST(VehicleFile, KeysOfAnotherKindOfSensorAreRefused) {
 TEST(VehicleFile, ParticlesStandBesideParticleGroundAlone) {
   const DriveScenario d = parse_drive(robot("ground: dem\nparticles: {smallest: 20 mm, largest: 25 mm}\nscript: [{duration: 1, speed: 0.1}]\n"), "a.yaml");
   EXPECT_EQ(d.base.particles.largest, 0.025);
+  EXPECT_EQ(parse_drive(robot("ground: mpi\nparticles: {floor: rough}\nscript: [{duration: 1, speed: 0.1}]\n"), "a.yaml").base.particles.floor, "rough");
   try {
     parse_drive(robot("particles: {smallest: 20 mm}\nscript: [{duration: 1, speed: 0.1}]\n"), "a.yaml");
     FAIL();
   } catch (const InputError& e) {
     EXPECT_THAT(e.what(), testing::HasSubstr("ground: dem"));
   }
+  // Laid as far as the script goes, and the margin drives on.
+  const std::string margin = "mobility_margin: {every: 1 s}\nscript: [{duration: 2, speed: 0.1}]\n";
+  EXPECT_NO_THROW(parse_drive(robot("ground: dem\n" + margin), "a.yaml"));
+  EXPECT_THROW(parse_drive(robot("ground: mpi\n" + margin), "a.yaml"), InputError);
 }
 
 TEST(VehicleFile, SaysEveryProblemWithItsPlace) {

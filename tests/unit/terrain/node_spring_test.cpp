@@ -236,6 +236,10 @@ TEST(NodeSpring, ASnapshotGoesOnBitForBit) {
   EXPECT_EQ(a.wrench.F_W, b.wrench.F_W);
   EXPECT_EQ(a.wrench.M_W, b.wrench.M_W);
   EXPECT_EQ(ground.hash(), other.hash());
+  other.begin_step(0, kStep);  // as where an error comes within a step: taken back, it was never begun
+  other.wrench(id, pose_at(0), twist());
+  other.restore(bytes);
+  EXPECT_EQ(roll(other, id, 100, 150).wrench.F_W, a.wrench.F_W);
   auto cut = bytes;
   cut.resize(cut.size() / 2);
   EXPECT_THROW(other.restore(cut), InputError);
