@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/progress.h"
-#include "dem/dem_terrain.h"
+#include "dem/particle_ground.h"
 #include "dem/soil_tests.h"
 #include "recording/recording.h"
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "dem/dem_terrain.h"
+#include "dem/particle_ground.h"
 
 namespace terrode::liggghts {
 

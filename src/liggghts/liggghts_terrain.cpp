@@ -12,7 +12,6 @@
 #include <iterator>
 #include <limits>
 #include <mutex>
-#include <numbers>
 #include <optional>
 #include <thread>
 #include <unordered_map>
@@ -21,7 +20,6 @@
 #include "liggghts/law.h"
 #include "liggghts/wheel_mesh.h"
 #include "liggghts/workers.h"
-#include "terrain/particle_view.h"
 
 namespace terrode::liggghts {
 namespace {
@@ -88,86 +86,57 @@ std::string read(const std::string& path) {
   return text;
 }
 
-class LiggghtsTerrain final : public terrain::Terrain, public terrain::ParticleView {
+class LiggghtsTerrain final : public dem::ParticleGround {
  public:
-  explicit LiggghtsTerrain(LiggghtsParams params);
+  explicit LiggghtsTerrain(const LiggghtsParams& params);
 
   terrain::BodyId add_body(std::shared_ptr<const wheel::Body> shape) override;
-  terrain::Sampling sampling() const override { return terrain::Sampling::step_mean; }
-  void begin_step(double t, double h) override;
-  void set_motion(terrain::BodyId body, const Pose& pose, const Twist& twist) override;
-  terrain::ContactResult wrench(terrain::BodyId body, const Pose& pose, const Twist& twist) override;
-  void end_step() override;
   double height(double x, double y) const override;
-  double undisturbed_height(double, double) const override { return 0.0; }
-  double roughness() const override { return roughness_; }
   std::vector<std::uint8_t> snapshot() const override;
   void restore(std::span<const std::uint8_t> bytes) override;
   std::string name() const override { return "mpi"; }
   void particles(std::vector<float>& position, std::vector<float>& radius) const override;
 
  private:
-  struct Touching {
-    std::shared_ptr<const wheel::Body> shape;
-    TriangleMesh mesh;
-    bool announced = false;  // in this step
-    Pose pose;
-    Twist twist;
-    Pose at;  // where LIGGGHTS has it
-  };
   struct Grains {
     std::vector<Vec3> position;  // by number, within the width along y
     std::vector<double> radius;
     std::unordered_map<std::int64_t, std::vector<int>> cells;  // by place seen from above
   };
 
-  Touching& known(terrain::BodyId body);
-  double width() const { return params_.bed.prism.length * params_.bed.tiles_y; }
-  long tile_of(double x) const { return static_cast<long>(std::floor(x / params_.bed.prism.width)); }
-  bool full() const { return params_.bed.full_length > 0.0; }
-  void advance();
-  double half_chord() const;
-  // A prism that is long along the travel thaws and freezes in stretches about as long as it is wide [m].
-  double stretch() const {
-    const dem::Bed& prism = params_.bed.prism;
-    return prism.width / static_cast<double>(std::max(1L, std::lround(prism.width / prism.length)));
-  }
+  void advance() override;
+  void take_back() override;
+  long tile_of(double x) const { return static_cast<long>(std::floor(x / params_.prism.width)); }
   void lay();
   void move_window();
-  std::string settings(const std::string& bed, bool again) const;
+  void require_within_bed() const;
+  std::string settings(const TemporaryFolder& folder, const std::string& bed, bool again) const;
   const Grains& grains() const;
   static std::int64_t cell(long i, long j) { return static_cast<std::int64_t>(i) * 1000003 + j; }
 
-  LiggghtsParams params_;
-  double depth_ = 0.0, roughness_ = 0.0, largest_ = 0.0, smallest_ = 0.0, time_step_ = 0.0;
-  std::vector<Touching> bodies_;
-  std::vector<terrain::ContactResult> results_;
+  double reach_behind_ = 0.0, reach_ahead_ = 0.0;
+  double smallest_ = 0.0, time_step_ = 0.0;
+  std::vector<TriangleMesh> meshes_;
+  std::vector<Pose> at_;  // where LIGGGHTS has each body
   std::optional<Lease> lease_;
-  std::optional<TemporaryFolder> folder_;
-  bool in_step_ = false, computed_ = false;
-  double step_length_ = 0.0;
-  double from_ = 0.0, to_ = 0.0;                // m along x that is laid
-  std::size_t count_ = 0;                       // grains
-  long free_from_ = 0, free_to_ = -1;           // stretches that move
-  double half_chord_ = 0.0;                     // m, of the bodies at the surface: the window is never shorter
-  double engine_step_ = 0.0;                    // s, as LIGGGHTS has it
-  mutable std::optional<Grains> grains_;        // as they are now
+  double from_ = 0.0, to_ = 0.0;         // m along x that is laid
+  std::size_t count_ = 0;                // grains
+  long free_from_ = 0, free_to_ = -1;    // stretches that move
+  double engine_step_ = 0.0;             // s, as LIGGGHTS has it
+  mutable std::optional<Grains> grains_;  // as they are now
 };
 
-LiggghtsTerrain::LiggghtsTerrain(LiggghtsParams params) : params_(std::move(params)) {
-  throw_if_any(params_.validate());
-  const dem::DemTerrainParams& p = params_.bed;
-  depth_ = dem::surface_level(p.prism);
+const dem::DemTerrainParams& checked(const LiggghtsParams& params) {
+  throw_if_any(params.validate());
+  return params.bed;
+}
+
+LiggghtsTerrain::LiggghtsTerrain(const LiggghtsParams& params)
+    : ParticleGround(checked(params)), reach_behind_(params.reach_behind), reach_ahead_(params.reach_ahead) {
   smallest_ = std::numeric_limits<double>::infinity();
-  double top = 0.0;
-  for (const dem::Grain& g : p.prism.grains) {
-    largest_ = std::max(largest_, g.radius);
-    smallest_ = std::min(smallest_, g.radius);
-    top = std::max(top, g.position.z() + g.radius);
-  }
-  roughness_ = top - depth_;
-  const double rayleigh = dem::rayleigh_time(smallest_, p.prism.grain_density, p.prism.grain);
-  time_step_ = p.time_step > 0.0 ? p.time_step : dem::suggested_rayleigh_fraction * rayleigh;
+  for (const dem::Grain& g : params_.prism.grains) smallest_ = std::min(smallest_, g.radius);
+  const double rayleigh = dem::rayleigh_time(smallest_, params_.prism.grain_density, params_.prism.grain);
+  time_step_ = params_.time_step > 0.0 ? params_.time_step : dem::suggested_rayleigh_fraction * rayleigh;
   if (time_step_ > dem::largest_rayleigh_fraction * rayleigh)
     throw InputError({{}, 0, 0, "time_step", fmt::format("is {:.4g} s", time_step_),
                       fmt::format("at most {} of the Rayleigh time {:.4g} s", dem::largest_rayleigh_fraction, rayleigh)});
@@ -177,56 +146,17 @@ terrain::BodyId LiggghtsTerrain::add_body(std::shared_ptr<const wheel::Body> sha
   if (!shape) throw InputError("a body needs a shape");
   if (lease_) throw InputError("bodies are put on particles before the first step");
   constexpr double facets = 0.02;  // of the smallest grain's radius
-  Touching t;
-  t.mesh = mesh_of(*shape, facets * smallest_);
-  t.shape = std::move(shape);
-  bodies_.push_back(std::move(t));
-  results_.emplace_back();
-  return static_cast<terrain::BodyId>(bodies_.size()) - 1;
+  meshes_.push_back(mesh_of(*shape, facets * smallest_));
+  at_.emplace_back();
+  return keep(std::move(shape));
 }
 
-LiggghtsTerrain::Touching& LiggghtsTerrain::known(terrain::BodyId body) {
-  if (body < 0 || static_cast<std::size_t>(body) >= bodies_.size()) throw InputError("a body that is not on this ground");
-  return bodies_[static_cast<std::size_t>(body)];
-}
-
-void LiggghtsTerrain::begin_step(double t, double h) {
-  if (in_step_) throw RunError("the step before was not ended");
-  if (!std::isfinite(t) || !std::isfinite(h) || !(h > 0.0)) throw InputError("a step needs a length above 0");
-  step_length_ = h;
-  in_step_ = true;
-  computed_ = false;
-  for (Touching& b : bodies_) b.announced = false;
-}
-
-void LiggghtsTerrain::set_motion(terrain::BodyId body, const Pose& pose, const Twist& twist) {
-  if (!in_step_) throw RunError("a motion outside a step");
-  terrain::require_finite(pose, twist, "the particle ground");
-  Touching& b = known(body);
-  const bool same = b.announced && b.pose.p_W == pose.p_W && b.pose.R_WB.coeffs() == pose.R_WB.coeffs() &&
-                    b.twist.v_W == twist.v_W && b.twist.w_W == twist.w_W;
-  if (same) return;
-  if (computed_) throw RunError("a second trial within a step: LIGGGHTS cannot take back the first (the method dem can)");
-  b.announced = true;
-  b.pose = pose;
-  b.twist = twist;
-}
-
-terrain::ContactResult LiggghtsTerrain::wrench(terrain::BodyId body, const Pose& pose, const Twist& twist) {
-  set_motion(body, pose, twist);
-  if (!computed_) advance();
-  return results_[static_cast<std::size_t>(body)];
-}
-
-void LiggghtsTerrain::end_step() {
-  if (!in_step_) throw RunError("no step to end");
-  if (!computed_) advance();
-  half_chord_ = half_chord();
-  in_step_ = false;
+void LiggghtsTerrain::take_back() {
+  throw RunError("a second trial within a step: LIGGGHTS cannot take back the first (the method dem can)");
 }
 
 // What is made once: the box, the grains or (`again`) the state they are read from, the law, floor, bodies and their motion.
-std::string LiggghtsTerrain::settings(const std::string& bed, bool again) const {
+std::string LiggghtsTerrain::settings(const TemporaryFolder& folder, const std::string& bed, bool again) const {
   std::string out;
   const auto add = [&]<class... A>(fmt::format_string<A...> text, A&&... values) {
     fmt::format_to(std::back_inserter(out), text, std::forward<A>(values)...);
@@ -239,7 +169,7 @@ std::string LiggghtsTerrain::settings(const std::string& bed, bool again) const 
   add("communicate single vel yes");
   add("units si");
   // A window that moves along x is shared out fairly in strips along it, as far as the width reaches.
-  const bool strips = !full() && Workers::instance().count() * 6.0 * largest_ <= width();
+  const bool strips = !full() && Workers::instance().count() * 3.0 * largest_ <= bed_width();
   add("processors {} * 1", strips ? "1" : "*");
   add("{}", bed);
   add("neighbor {:.17g} bin", 0.4 * smallest_);
@@ -248,16 +178,16 @@ std::string LiggghtsTerrain::settings(const std::string& bed, bool again) const 
     add("group moving type {}", soil_type);
     add("group standing subtract all all");
   }
-  for (const std::string& line : law_commands(params_.bed)) add("{}", line);
+  for (const std::string& line : law_commands(params_)) add("{}", line);
   add("neigh_modify exclude group standing standing");
-  add("fix gravity all gravity {:.17g} vector 0 0 -1", params_.bed.gravity);
-  const std::string model = law_model(params_.bed);
+  add("fix gravity all gravity {:.17g} vector 0 0 -1", params_.gravity);
+  const std::string model = law_model(params_);
   add("fix floor all wall/gran model {} primitive type {} zplane {:.17g}", model, floor_type, -depth_);
   std::string meshes;
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
-    const Vec3& p = bodies_[b].at.p_W;
+    const Vec3& p = at_[b].p_W;
     add("fix body{0} all mesh/surface/stress file {1} type {2} reference_point {3:.17g} {4:.17g} {5:.17g}", b,
-        folder_->file(fmt::format("body{}.stl", b)), wheel_type, p.x(), p.y(), p.z());
+        folder.file(fmt::format("body{}.stl", b)), wheel_type, p.x(), p.y(), p.z());
     meshes += fmt::format(" body{}", b);
   }
   if (!bodies_.empty()) {
@@ -265,7 +195,7 @@ std::string LiggghtsTerrain::settings(const std::string& bed, bool again) const 
     for (std::size_t b = 0; b < bodies_.size(); ++b)
       for (int k = 0; k < 6; ++k) add("variable body{}_{} equal 0.0", b, k);
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
-      const Vec3& p = bodies_[b].at.p_W;
+      const Vec3& p = at_[b].p_W;
       add("fix slide{0} all move/mesh mesh body{0} linear/variable v_body{0}_0 v_body{0}_1 v_body{0}_2", b);
       for (int k = 0; k < 3; ++k)
         add("fix turn{0}_{1} all move/mesh mesh body{0} rotate/variable origin {2:.17g} {3:.17g} {4:.17g} axis {5} {6} {7} omega v_body{0}_{8}",
@@ -281,11 +211,11 @@ std::string LiggghtsTerrain::settings(const std::string& bed, bool again) const 
 }
 
 void LiggghtsTerrain::lay() {
-  const dem::DemTerrainParams& p = params_.bed;
-  for (const Touching& b : bodies_)
+  const dem::DemTerrainParams& p = params_;
+  for (const Announced& b : bodies_)
     if (!b.announced) throw RunError("every body's motion must be announced in the first step on LIGGGHTS");
   lease_.emplace();
-  folder_.emplace();
+  const TemporaryFolder folder;
   const double length = p.prism.width;
   double start = 0.0;
   long tiles = 0;
@@ -294,92 +224,77 @@ void LiggghtsTerrain::lay() {
     tiles = static_cast<long>(std::ceil(p.full_length / length - 1e-9));
   } else {
     double widest = 0.0;
-    for (const Touching& b : bodies_) widest = std::max(widest, b.shape->outer_radius() + 2.0 * largest_);
-    const long first = tile_of(-params_.reach_behind - std::max(p.window_behind, widest)) - 1;
+    for (const Announced& b : bodies_) widest = std::max(widest, reach(b));
+    const long first = tile_of(-reach_behind_ - std::max(p.window_behind, widest)) - 1;
     start = static_cast<double>(first) * length;
-    tiles = tile_of(params_.reach_ahead + std::max(p.window_ahead, widest)) + 2 - first;
+    tiles = tile_of(reach_ahead_ + std::max(p.window_ahead, widest)) + 2 - first;
   }
   from_ = start;
   to_ = start + static_cast<double>(tiles) * length;
-  double room = 0.0, top = roughness_;
+  double room = 0.0, top = roughness();
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
-    Touching& t = bodies_[b];
-    t.at = t.pose;
-    room = std::max(room, t.shape->bounding_radius());
-    top = std::max(top, t.at.p_W.z() + 2.0 * t.shape->bounding_radius());
-    write(folder_->file(fmt::format("body{}.stl", b)), stl(t.mesh, t.at));
+    at_[b] = bodies_[b].pose;
+    const double radius = bodies_[b].shape->bounding_radius();
+    room = std::max(room, radius);
+    top = std::max(top, at_[b].p_W.z() + 2.0 * radius);
+    write(folder.file(fmt::format("body{}.stl", b)), stl(meshes_[b], at_[b]));
   }
   const dem::Bed strip = dem::tile(p.prism, 1, p.tiles_y);
   count_ = strip.grains.size() * static_cast<std::size_t>(tiles);
   std::string data = "bed\n\n";
   const auto out = std::back_inserter(data);
-  const double margin = 2.0 * largest_;
+  const double margin = largest_;
   fmt::format_to(out, "{} atoms\n3 atom types\n\n{:.17g} {:.17g} xlo xhi\n{:.17g} {:.17g} ylo yhi\n{:.17g} {:.17g} zlo zhi\n\nAtoms\n\n",
-                 count_, from_ - room - margin, to_ + room + margin, -0.5 * width(), 0.5 * width(), -depth_ - margin, top + margin);
+                 count_, from_ - room - margin, to_ + room + margin, -0.5 * bed_width(), 0.5 * bed_width(), -depth_ - margin, top + margin);
   std::size_t number = 0;
   for (long k = 0; k < tiles; ++k) {
-    const Vec3 origin(start + static_cast<double>(k) * length, -0.5 * width(), -depth_);
+    const Vec3 origin(start + static_cast<double>(k) * length, -0.5 * bed_width(), -depth_);
     for (const dem::Grain& g : strip.grains) {
       const Vec3 x = origin + g.position;
       fmt::format_to(out, "{} {} {:.17g} {:.17g} {:.17g} {:.17g} {:.17g}\n", ++number, soil_type, 2.0 * g.radius, p.prism.grain_density,
                      x.x(), x.y(), x.z());
     }
   }
-  write(folder_->file("bed.data"), data);
+  write(folder.file("bed.data"), data);
   Workers& workers = Workers::instance();
   workers.forget();
-  workers.commands(settings("read_data " + folder_->file("bed.data"), false));
+  workers.commands(settings(folder, "read_data " + folder.file("bed.data"), false));
   engine_step_ = 0.0;
 }
 
-// Half of what a grain's height above the surface cuts out of the circles that hold the bodies, at the deepest so far.
-double LiggghtsTerrain::half_chord() const {
-  double out = half_chord_;
-  for (const Touching& b : bodies_) {
+void LiggghtsTerrain::require_within_bed() const {
+  const double low = full() ? from_ + params_.border : -reach_behind_, high = full() ? to_ - params_.border : reach_ahead_;
+  for (const Announced& b : bodies_) {
     if (!b.announced) continue;
-    const double radius = b.shape->outer_radius(), above = b.pose.p_W.z() - 2.0 * largest_;
-    if (std::abs(above) < radius) out = std::max(out, above > 0.0 ? std::sqrt(radius * radius - above * above) : radius);
+    const double x = b.pose.p_W.x(), y = b.pose.p_W.y();
+    if (x < low || x > high)
+      throw RunError(fmt::format("a wheel is at x = {:.4g} m, beyond the bed that is laid for it from {:.4g} to {:.4g} m (dem lays it as it goes)", x, low, high));
+    if (std::abs(y) > 0.5 * bed_width())
+      throw RunError(fmt::format("a wheel is at y = {:.4g} m, beyond the bed that is laid for it to {:.4g} m on either side", y, 0.5 * bed_width()));
   }
-  return out;
 }
 
 // Lets the grains move that a window about the bodies holds, or all but the border of a full bed.
 void LiggghtsTerrain::move_window() {
-  const dem::DemTerrainParams& p = params_.bed;
+  require_within_bed();
   const bool first = free_to_ < free_from_;
-  double from = 0.0, to = 0.0;
-  bool any = false;
-  for (const Touching& b : bodies_) {
-    if (!b.announced) continue;
-    const double x = b.pose.p_W.x();
-    const double low = full() ? from_ + p.border : -params_.reach_behind, high = full() ? to_ - p.border : params_.reach_ahead;
-    if (x < low || x > high)
-      throw RunError(fmt::format("a wheel is at x = {:.4g} m, beyond the bed that is laid for it from {:.4g} to {:.4g} m (dem lays it as it goes)", x, low, high));
-    if (const double y = b.pose.p_W.y(); std::abs(y) > 0.5 * width())
-      throw RunError(fmt::format("a wheel is at y = {:.4g} m, beyond the bed that is laid for it to {:.4g} m on either side", y, 0.5 * width()));
-    from = any ? std::min(from, x) : x;
-    to = any ? std::max(to, x) : x;
-    any = true;
-  }
+  const double width = bed_width(), border = params_.border;
   Workers& workers = Workers::instance();
   if (full()) {
     if (!first) return;
-    workers.set_moving({from_ + p.border, to_ - p.border, p.border > 0.0 ? 0.5 * width() - p.border : width(), width(), {}});
+    workers.set_moving({from_ + border, to_ - border, border > 0.0 ? 0.5 * width - border : width, width, {}});
     free_from_ = 0, free_to_ = 0;
     engine_step_ = 0.0;
     return;
   }
-  const double chord = half_chord();
-  const auto stretch_of = [this](double x) { return static_cast<long>(std::floor(x / stretch())); };
-  const long need_from = any ? stretch_of(from - std::max(p.window_behind, chord)) : first ? 0 : free_from_;
-  const long need_to = any ? stretch_of(to + std::max(p.window_ahead, chord)) : first ? 0 : free_to_;
-  if (!first && need_from == free_from_ && need_to == free_to_) return;
-  free_from_ = need_from;
-  free_to_ = need_to;
-  MovingPart part{static_cast<double>(free_from_) * stretch(), static_cast<double>(free_to_ + 1) * stretch(), width(), width(), {}};
+  const Range need = window().value_or(first ? Range{0, 0} : Range{free_from_, free_to_});
+  if (!first && need.first == free_from_ && need.second == free_to_) return;
+  free_from_ = need.first;
+  free_to_ = need.second;
+  MovingPart part{static_cast<double>(free_from_) * stretch(), static_cast<double>(free_to_ + 1) * stretch(), width, width, {}};
   // A grain that a body may touch before the window moves on stays free: standing, it would be like a rock.
-  for (const Touching& b : bodies_)
-    if (b.announced) part.axes.push_back({b.pose.p_W.x(), b.pose.p_W.z(), b.shape->outer_radius() + 2.0 * largest_});
+  for (const Announced& b : bodies_)
+    if (b.announced) part.axes.push_back({b.pose.p_W.x(), b.pose.p_W.z(), reach(b)});
   workers.set_moving(part);
   engine_step_ = 0.0;
 }
@@ -388,55 +303,38 @@ void LiggghtsTerrain::advance() {
   if (!lease_) lay();
   move_window();
   Workers& workers = Workers::instance();
-  const auto n = static_cast<long>(std::ceil(step_length_ / time_step_ * (1.0 - 1e-12)));
-  const double dt = step_length_ / static_cast<double>(n);
+  const auto n = static_cast<long>(std::ceil(step_length() / time_step_ * (1.0 - 1e-12)));
+  const double dt = step_length() / static_cast<double>(n);
   if (engine_step_ == 0.0 || std::abs(engine_step_ / dt - 1.0) > 1e-9) {
     // A new step or other grains that move want everything set up anew.
     workers.commands(fmt::format("timestep {:.17g}\nrun 0 post no", dt));
     engine_step_ = dt;
   }
-  // As on our own particles: what a body there is behind or ahead by is made up for in a few steps.
-  constexpr double share = 0.2;
   std::vector<BodyMotion> motions(bodies_.size());
+  std::vector<Twist> twists(bodies_.size());
   for (std::size_t k = 0; k < bodies_.size(); ++k) {
-    Touching& b = bodies_[k];
     BodyMotion& m = motions[k];
-    Vec3 v = Vec3::Zero(), w = Vec3::Zero();
-    if (b.announced) {
-      v = b.twist.v_W + share / step_length_ * (b.pose.p_W - b.at.p_W);
-      const Eigen::AngleAxisd turn(b.pose.R_WB * b.at.R_WB.conjugate());
-      double angle = turn.angle();
-      if (angle > std::numbers::pi) angle -= 2.0 * std::numbers::pi;
-      w = b.twist.w_W + share / step_length_ * angle * turn.axis();
-    }
-    b.at.p_W += step_length_ * v;
-    if (const double rate = w.norm(); rate > 0.0)
-      b.at.R_WB = (Quat(Eigen::AngleAxisd(rate * step_length_, w / rate)) * b.at.R_WB).normalized();
+    Pose& at = at_[k];
+    const Twist& twist = twists[k] = following(bodies_[k], at);
+    at.p_W += step_length() * twist.v_W;
+    if (const double rate = twist.w_W.norm(); rate > 0.0)
+      at.R_WB = (Quat(Eigen::AngleAxisd(rate * step_length(), twist.w_W / rate)) * at.R_WB).normalized();
     for (int i = 0; i < 3; ++i) {
-      m.velocity[i] = v[i];
-      m.spin[i] = w[i];
-      m.centre[i] = b.at.p_W[i];
+      m.velocity[i] = twist.v_W[i];
+      m.spin[i] = twist.w_W[i];
+      m.centre[i] = at.p_W[i];
     }
-    m.reach = b.shape->bounding_radius();
+    m.reach = bodies_[k].shape->bounding_radius();
   }
   const std::vector<double> sums = workers.run(n, motions);
   if (const auto left = static_cast<std::size_t>(sums.back()); left != count_)
     throw RunError(fmt::format("LIGGGHTS lost {} of {} grains: try a smaller particles.time_step_fraction", count_ - left, count_));
   for (std::size_t k = 0; k < bodies_.size(); ++k) {
-    terrain::ContactResult& r = results_[k];
-    r = {};
-    const double* s = &sums[7 * k];
-    r.wrench = Wrench{Vec3(s[0], s[1], s[2]), Vec3(s[3], s[4], s[5])} * (1.0 / static_cast<double>(n));
-    const Touching& b = bodies_[k];
-    if (!b.announced) continue;
-    const Vec3 lowest = b.at.R_WB * b.shape->support(b.at.R_WB.conjugate() * -Vec3::UnitZ());
-    r.max_sinkage = std::max(0.0, -(b.at.p_W.z() + lowest.z()));
-    r.contact_count = static_cast<int>(s[6]);
-    const Vec3 v(motions[k].velocity), w(motions[k].spin);
-    r.plastic_power = std::max(0.0, -(r.wrench.F_W.dot(v) + r.wrench.M_W.dot(w)));
+    const double* f = &sums[7 * k];
+    const Wrench sum{Vec3(f[0], f[1], f[2]), Vec3(f[3], f[4], f[5])};
+    answer(k, sum * (1.0 / static_cast<double>(n)), at_[k], twists[k], static_cast<int>(f[6]));
   }
   grains_.reset();
-  computed_ = true;
 }
 
 const LiggghtsTerrain::Grains& LiggghtsTerrain::grains() const {
@@ -450,10 +348,10 @@ const LiggghtsTerrain::Grains& LiggghtsTerrain::grains() const {
     const auto number = static_cast<std::size_t>(all[k]) - 1;
     if (number >= count_) throw RunError("LIGGGHTS has a grain that was not laid");
     Vec3 x(all[k + 1], all[k + 2], all[k + 3]);
-    x.y() -= width() * std::nearbyint(x.y() / width());
+    x.y() -= bed_width() * std::nearbyint(x.y() / bed_width());
     grains_->position[number] = x;
     grains_->radius[number] = all[k + 4];
-    const double side = 2.0 * largest_;
+    const double side = largest_;
     grains_->cells[cell(std::lround(x.x() / side), std::lround(x.y() / side))].push_back(static_cast<int>(number));
   }
   return *grains_;
@@ -462,11 +360,11 @@ const LiggghtsTerrain::Grains& LiggghtsTerrain::grains() const {
 double LiggghtsTerrain::height(double x, double y) const {
   if (!lease_ || x < from_ || x > to_) return 0.0;
   const Grains& all = grains();
-  const double side = 2.0 * largest_;
-  y -= width() * std::nearbyint(y / width());
+  const double side = largest_;
+  y -= bed_width() * std::nearbyint(y / bed_width());
   double top = -depth_;
   // Near a side of the width the neighbour lies across it.
-  for (const double shift : {0.0, y > 0.0 ? -width() : width()}) {
+  for (const double shift : {0.0, y > 0.0 ? -bed_width() : bed_width()}) {
     const long ci = std::lround(x / side), cj = std::lround((y + shift) / side);
     for (long i = ci - 1; i <= ci + 1; ++i)
       for (long j = cj - 1; j <= cj + 1; ++j) {
@@ -493,16 +391,17 @@ void LiggghtsTerrain::particles(std::vector<float>& position, std::vector<float>
 
 // A few numbers of our own, then LIGGGHTS's restart file: grains, meshes and the history of every contact.
 std::vector<std::uint8_t> LiggghtsTerrain::snapshot() const {
-  if (in_step_) throw RunError("a snapshot within a step");
+  if (in_step()) throw RunError("a snapshot within a step");
   std::vector<double> own = {lease_ ? 1.0 : 0.0, from_, to_, static_cast<double>(count_), static_cast<double>(free_from_),
-                             static_cast<double>(free_to_), static_cast<double>(bodies_.size()), half_chord_};
-  for (const Touching& b : bodies_) {
-    own.insert(own.end(), b.at.p_W.data(), b.at.p_W.data() + 3);
-    own.insert(own.end(), b.at.R_WB.coeffs().data(), b.at.R_WB.coeffs().data() + 4);
+                             static_cast<double>(free_to_), static_cast<double>(bodies_.size()), kept_chord_};
+  for (const Pose& at : at_) {
+    own.insert(own.end(), at.p_W.data(), at.p_W.data() + 3);
+    own.insert(own.end(), at.R_WB.coeffs().data(), at.R_WB.coeffs().data() + 4);
   }
   std::string state;
   if (lease_) {
-    const std::string file = folder_->file("state.restart");
+    const TemporaryFolder folder;
+    const std::string file = folder.file("state.restart");
     Workers::instance().commands("write_restart " + file);
     state = read(file);
   }
@@ -513,7 +412,7 @@ std::vector<std::uint8_t> LiggghtsTerrain::snapshot() const {
 }
 
 void LiggghtsTerrain::restore(std::span<const std::uint8_t> bytes) {
-  in_step_ = false;
+  abandon_step();
   std::vector<double> own(8 + 7 * bodies_.size());
   const std::size_t head = own.size() * sizeof(double);
   const auto wrong = [] { return InputError(Problem{{}, 0, 0, "ground", "is not a saved state of these bodies on LIGGGHTS", {}}); };
@@ -527,31 +426,31 @@ void LiggghtsTerrain::restore(std::span<const std::uint8_t> bytes) {
   if (!laid) {
     lease_.reset();
     free_from_ = 0, free_to_ = -1;
-    half_chord_ = 0.0;
+    kept_chord_ = 0.0;
     return;
   }
   from_ = own[1], to_ = own[2];
   count_ = static_cast<std::size_t>(own[3]);
   free_from_ = static_cast<long>(own[4]), free_to_ = static_cast<long>(own[5]);
-  half_chord_ = own[7];
+  kept_chord_ = own[7];
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     const double* n = &own[8 + 7 * b];
-    bodies_[b].at = {Vec3(n[0], n[1], n[2]), Quat(n[6], n[3], n[4], n[5])};
+    at_[b] = {Vec3(n[0], n[1], n[2]), Quat(n[6], n[3], n[4], n[5])};
   }
   if (!lease_) lease_.emplace();
-  if (!folder_) folder_.emplace();
+  const TemporaryFolder folder;
   // LIGGGHTS wants a mesh's file to be there, and takes the mesh from the state.
-  for (std::size_t b = 0; b < bodies_.size(); ++b) write(folder_->file(fmt::format("body{}.stl", b)), stl(bodies_[b].mesh, bodies_[b].at));
-  const std::string file = folder_->file("state.restart");
+  for (std::size_t b = 0; b < bodies_.size(); ++b) write(folder.file(fmt::format("body{}.stl", b)), stl(meshes_[b], at_[b]));
+  const std::string file = folder.file("state.restart");
   write(file, std::string(reinterpret_cast<const char*>(bytes.data()) + head, bytes.size() - head));
   Workers& workers = Workers::instance();
   workers.forget();
-  workers.commands(settings("read_restart " + file, true));
+  workers.commands(settings(folder, "read_restart " + file, true));
   engine_step_ = 0.0;
 }
 
 }  // namespace
 
-std::unique_ptr<terrain::Terrain> make_terrain(LiggghtsParams params) { return std::make_unique<LiggghtsTerrain>(std::move(params)); }
+std::unique_ptr<terrain::Terrain> make_terrain(LiggghtsParams params) { return std::make_unique<LiggghtsTerrain>(params); }
 
 }  // namespace terrode::liggghts

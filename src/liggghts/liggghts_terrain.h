@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "dem/dem_terrain.h"
+#include "dem/particle_ground.h"
 #include "terrain/terrain.h"
 
 namespace terrode::liggghts {
