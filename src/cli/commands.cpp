@@ -83,6 +83,8 @@ int flushed(int status) {
 
 }  // namespace
 
+bool Common::seed_given() const { return seed_option != nullptr && seed_option->count() > 0; }
+
 void add_common(Command& command, Common& common, bool with_report) {
   command.add_flag("--json", common.json, "one JSON document on standard output");
   command.add_option("-j,--threads", common.threads, "number of threads (default: all cores)")

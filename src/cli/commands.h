@@ -21,7 +21,8 @@ struct Common {
   bool quiet = false;        // no progress, no notes
   std::string report;        // --report FILE.html, for commands with a picture
 
-  Option* seed_option = nullptr;  // of the command that runs: whether --seed was given
+  Option* seed_option = nullptr;  // of the command that runs
+  bool seed_given() const;
   int status = 0;            // exit status of a command that ends without an exception
   std::string command_line;  // as typed, for reports and result files
 

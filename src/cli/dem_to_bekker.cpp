@@ -155,7 +155,7 @@ void run_sweep(const DemToBekkerArguments& a, const fs::path& file, const fs::pa
   std::vector<std::string> words = {"sweep", a.scenario, "--method", "dem", "-o", file.string(), "-j", std::to_string(common.threads)};
   if (!a.slips.empty()) words.push_back("--slip=" + a.slips);
   if (a.overwrite) words.emplace_back("--overwrite");
-  if (common.seed_option && common.seed_option->count() > 0) words.insert(words.end(), {"--seed", std::to_string(common.seed)});
+  if (common.seed_given()) words.insert(words.end(), {"--seed", std::to_string(common.seed)});
   int status = 0, looks = 0;
   const bool finished = run_processes({{words, log.string()}}, 1, [&](std::size_t, int s) { status = s; }, [&] {
     if (++looks % 100 == 0) {

@@ -41,7 +41,7 @@ void complete_soil(scenario::Scenario& s, const Common& common) {
 scenario::Scenario load_input(const std::string& path, const Common& common) {
   scenario::Scenario s = scenario::load_scenario(path, common.threads);
   for (const std::string& n : s.notes) note(common, n);
-  if (common.seed_option && common.seed_option->count() > 0) s.seed = static_cast<int>(common.seed);
+  if (common.seed_given()) s.seed = static_cast<int>(common.seed);
   if (s.from_recording && s.measured) complete_soil(s, common);
   return s;
 }

@@ -156,7 +156,7 @@ Late late_of(const dem::CurveScatter& c) {
 void run_particle_tests(const std::string& path, const std::string& output, const std::string& csv, const std::string& soil, bool overwrite,
                         Common& common) {
   scenario::ParticleTests tests = scenario::load_particle_tests(path);
-  if (common.seed_option && common.seed_option->count() > 0) tests.seed = static_cast<int>(common.seed);
+  if (common.seed_given()) tests.seed = static_cast<int>(common.seed);
   recording::ResultHeader header = recording::ResultHeader::now(file_type);
   header.title = tests.title;
   header.scenario_file = tests.file;

@@ -134,6 +134,15 @@ Json json_of(const scenario::DriveScenario& d, const scenario::DriveResult& r) {
   return out;
 }
 
+scenario::DriveScenario load(const std::string& path, const Common& common) {
+  scenario::DriveScenario d = scenario::load_drive(path);
+  if (common.seed_given()) {
+    d.base.seed = static_cast<int>(common.seed);
+    d.options.seed = static_cast<std::uint64_t>(common.seed);
+  }
+  return d;
+}
+
 // "file: taken: ..." is for validate; a run says what was left out.
 void say_notes(const scenario::DriveScenario& d, const Common& common) {
   for (const std::string& n : d.base.notes)
@@ -143,11 +152,7 @@ void say_notes(const scenario::DriveScenario& d, const Common& common) {
 }  // namespace
 
 void run_vehicle(const std::string& path, const VehicleArguments& a, Common& common) {
-  scenario::DriveScenario d = scenario::load_drive(path);
-  if (common.seed_option != nullptr && common.seed_option->count() > 0) {
-    d.base.seed = static_cast<int>(common.seed);
-    d.options.seed = static_cast<std::uint64_t>(common.seed);
-  }
+  const scenario::DriveScenario d = load(path, common);
   if (a.frames > 0 && a.kept.output.empty()) throw InputError({{}, 0, 0, "--frames", "needs a file to be kept in", "-o OUT.h5"});
   const double until = std::min(a.until.value_or(d.duration), d.duration);
   std::string work = fmt::format("vehicle --until {} --frames {} --seed {}\n{}\n{}", until, a.frames, d.base.seed, d.text, d.named_files());
@@ -235,7 +240,7 @@ void run_vehicles(const std::vector<std::string>& files, const VehicleArguments&
   std::set<std::string> names;
   for (const std::string& f : files) {
     try {
-      drives.push_back(scenario::load_drive(f));
+      drives.push_back(load(f, common));
     } catch (const InputError& e) {
       problems.insert(problems.end(), e.problems().begin(), e.problems().end());
     }

@@ -13,6 +13,7 @@
 #include <sstream>
 #include <thread>
 
+#include "recording/hdf5_file.h"
 #include "recording/result_file.h"
 
 namespace {
@@ -241,6 +242,17 @@ TEST_F(Program, TheSeedReachesTheGrains) {
   EXPECT_EQ(pull({"--seed", "1"}), own);
   EXPECT_NE(pull({"--seed", "2"}), own);
   unsetenv("TERRODE_CACHE");
+}
+
+// Of machines it is that of their sensors' noise, and of the bed they stand on.
+TEST_F(Program, TheSeedReachesEveryMachine) {
+  for (const char* name : {"a.yaml", "b.yaml"})
+    std::ofstream(file(name)) << "vehicle: skid-steer-robot\nground: rigid\nscript: [{duration: 1 s, speed: 0.1 m/s}]\n";
+  const std::string folder = file("machines").string();
+  const Outcome o = run({"drive", file("a.yaml").string(), file("b.yaml").string(), "--until", "0.02", "--seed", "7", "-o", folder, "--quiet"});
+  ASSERT_EQ(o.status, 0) << o.err;
+  for (const char* name : {"a.h5", "b.h5"})
+    EXPECT_EQ(terrode::recording::Hdf5File::open(folder + "/" + name).number_attribute("/", "seed"), 7.0) << name;
 }
 
 TEST_F(Program, ResultFilesAreResumedAndNeverMixed) {
