@@ -341,7 +341,6 @@ dem::BedRecipe recipe_of_ground(const dem::DemTerrainParams& ground, std::uint64
   r.contact = ground.soil;
   r.settling_friction = ground.settling_friction;
   r.settling_rolling_friction = ground.settling_rolling_friction;
-  r.floor = ground.floor;
   r.bulk_density = ground.prism.bulk_density;
   r.gravity = ground.gravity;
   r.viscous = settling_drag(mean_diameter(r));

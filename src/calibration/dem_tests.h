@@ -95,7 +95,7 @@ dem::DirectShearSettings shear_settings(const TestTarget& target, const dem::Bed
 dem::PressureSinkageSettings plate_settings(const TestTarget& target, const dem::BedRecipe& recipe, const DemTestSettings& settings);
 
 // The grains and laws of a particle ground as a recipe for the beds of soil tests: its diameters as they are in its
-// prism, its bulk density.
+// prism, its bulk density. Walls and floor of the tests are smooth, whatever the ground stands on.
 dem::BedRecipe recipe_of_ground(const dem::DemTerrainParams& ground, std::uint64_t seed);
 
 // Runs every target's test on a bed of this seed (or means over several): stress [Pa] at the targets' displacements. Throws RunError where a bed
