@@ -16,6 +16,7 @@
 #include <fstream>
 #include <iostream>
 
+#include "../tests/analytic/calibration/hidden_grains.h"
 #include "calibration/grain_search.h"
 #include "core/parallel.h"
 
@@ -23,43 +24,6 @@ namespace {
 
 using namespace terrode;
 using namespace terrode::calibration;
-
-constexpr int kRepeats = 6;
-
-recording::Recording laboratory(const DemTestSettings& settings, const GrainValues& hidden, int threads) {
-  std::vector<TestTarget> conditions(3);
-  for (std::size_t t = 0; t < 3; ++t) {
-    TestTarget& c = conditions[t];
-    c.test = t < 2 ? "direct_shear" : "pressure_sinkage";
-    if (t < 2) c.normal_stress = t == 0 ? 2000 : 8000;
-    else c.plate_width = c.plate_length = 0.03;
-    for (int i = 1; i <= 24; ++i) c.at.push_back((t < 2 ? 5e-3 : 8e-3) * i / 24);
-  }
-  std::vector<std::vector<std::vector<double>>> curves(kRepeats);
-  parallel_for(kRepeats, threads, [&](std::size_t r) { curves[r] = simulate_tests(conditions, settings, hidden, 777000 + r); });
-  recording::Recording out;
-  out.title = "DEM of hidden grains";
-  for (const auto& c : curves)
-    for (std::size_t t = 0; t < 3; ++t) {
-      std::vector<double> x = {0.0}, y = {0.0};
-      x.insert(x.end(), conditions[t].at.begin(), conditions[t].at.end());
-      y.insert(y.end(), c[t].begin(), c[t].end());
-      if (t < 2) {
-        recording::DirectShearTest test;
-        test.normal_stress = conditions[t].normal_stress;
-        test.shear_displacement = x;
-        test.shear_stress = y;
-        out.direct_shear.push_back(test);
-      } else {
-        recording::PressureSinkageTest test;
-        test.plate_width = test.plate_length = conditions[t].plate_width;
-        test.sinkage = x;
-        test.pressure = y;
-        out.pressure_sinkage.push_back(test);
-      }
-    }
-  return out;
-}
 
 void write_recording(const recording::Recording& r, const std::filesystem::path& folder) {
   std::filesystem::create_directories(folder);
@@ -105,11 +69,10 @@ int main(int argc, char** argv) {
     else if (a == "--threads") threads = std::atoi(value);
     else if (a == "--recording") folder = value;
   }
-  const GrainValues hidden = {{"young_modulus", 5e6}, {"friction", 0.4}, {"rolling_friction", 0.15}};
   DemTestSettings settings;
   const auto cache = std::filesystem::temp_directory_path() / ("terrode_grain_search_" + std::to_string(::getpid()));
   settings.cache = cache.string();
-  const recording::Recording measured = laboratory(settings, hidden, threads);
+  const recording::Recording measured = laboratory_of_hidden_grains(settings, threads);
   if (!folder.empty()) {
     write_recording(measured, folder);
     std::filesystem::remove_all(cache);

@@ -7,46 +7,16 @@
 
 #include "calibration/grain_search.h"
 #include "core/parallel.h"
+#include "hidden_grains.h"
 
 namespace terrode::calibration {
 namespace {
 
 TEST(GrainSearchOnParticles, RecoversHiddenGrainsInFortyEvaluations) {
-  const GrainValues hidden = {{"young_modulus", 5e6}, {"friction", 0.4}, {"rolling_friction", 0.15}};
-  std::vector<TestTarget> conditions(3);
-  for (std::size_t t = 0; t < 3; ++t) {
-    TestTarget& c = conditions[t];
-    c.test = t < 2 ? "direct_shear" : "pressure_sinkage";
-    if (t < 2) c.normal_stress = t == 0 ? 2000 : 8000;
-    else c.plate_width = c.plate_length = 0.03;
-    for (int i = 1; i <= 24; ++i) c.at.push_back((t < 2 ? 5e-3 : 8e-3) * i / 24);
-  }
   DemTestSettings settings;
   const auto cache = std::filesystem::temp_directory_path() / ("terrode_grain_search_" + std::to_string(::getpid()));
   settings.cache = cache.string();
-  constexpr int kRepeats = 6;
-  std::vector<std::vector<std::vector<double>>> curves(kRepeats);
-  parallel_for(kRepeats, 2, [&](std::size_t r) { curves[r] = simulate_tests(conditions, settings, hidden, 777000 + r); });
-  recording::Recording measured;
-  for (const auto& c : curves)
-    for (std::size_t t = 0; t < 3; ++t) {
-      std::vector<double> x = {0.0}, y = {0.0};
-      x.insert(x.end(), conditions[t].at.begin(), conditions[t].at.end());
-      y.insert(y.end(), c[t].begin(), c[t].end());
-      if (t < 2) {
-        recording::DirectShearTest test;
-        test.normal_stress = conditions[t].normal_stress;
-        test.shear_displacement = x;
-        test.shear_stress = y;
-        measured.direct_shear.push_back(test);
-      } else {
-        recording::PressureSinkageTest test;
-        test.plate_width = test.plate_length = conditions[t].plate_width;
-        test.sinkage = x;
-        test.pressure = y;
-        measured.pressure_sinkage.push_back(test);
-      }
-    }
+  const recording::Recording measured = laboratory_of_hidden_grains(settings, 2);
   std::vector<std::string> notes;
   const GrainSearch search(test_targets(measured, {}, notes), {});
   std::vector<Evaluation> done;
@@ -67,8 +37,8 @@ TEST(GrainSearchOnParticles, RecoversHiddenGrainsInFortyEvaluations) {
   const SearchResult r = search.result(done);
   EXPECT_LE(r.failed, 4);
   for (const Estimate& e : r.estimates) {
-    EXPECT_LE(e.low, hidden.at(e.name)) << e.name;
-    EXPECT_GE(e.high, hidden.at(e.name)) << e.name;
+    EXPECT_LE(e.low, kHiddenGrains.at(e.name)) << e.name;
+    EXPECT_GE(e.high, kHiddenGrains.at(e.name)) << e.name;
   }
   // What these tests can tell: stiffness comes from the grains' modulus alone.
   EXPECT_TRUE(r.find("young_modulus")->identified);
