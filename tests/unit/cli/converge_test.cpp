@@ -31,15 +31,15 @@ const std::string kScenario = std::string(TERRODE_SOURCE_DIR) + "/scenarios/mms_
 TEST(Converge, RefinesTheNodesAndSaysWhereItConverged) {
   const Output out = run(kScenario + " --over node_spacing --slip 0.3 --from 0.02 --levels 3 --tolerance 0.02 --json --quiet");
   ASSERT_EQ(out.status, 0) << out.text;
-  const auto json = nlohmann::json::parse(out.text);
-  EXPECT_EQ(json["over"], "node_spacing");
-  ASSERT_EQ(json["levels"].size(), 3u);
-  EXPECT_NEAR(json["levels"][2]["node_spacing"].get<double>(), 0.005, 1e-12);
-  EXPECT_GT(json["levels"][2]["cpu_seconds"].get<double>(), 0.0);
-  const double pull = json["levels"][2]["drawbar_pull"];
+  const auto table = nlohmann::json::parse(out.text);
+  EXPECT_EQ(table["over"], "node_spacing");
+  ASSERT_EQ(table["levels"].size(), 3u);
+  EXPECT_NEAR(table["levels"][2]["node_spacing"].get<double>(), 0.005, 1e-12);
+  EXPECT_GT(table["levels"][2]["cpu_seconds"].get<double>(), 0.0);
+  const double pull = table["levels"][2]["drawbar_pull"];
   EXPECT_GT(pull, 50.0);
   EXPECT_LT(pull, 60.0);
-  EXPECT_FALSE(json["converged_from"]["sinkage"].is_null());
+  EXPECT_FALSE(table["converged_from"]["sinkage"].is_null());
 }
 
 TEST(Converge, RefusesWhatItCannotRefine) {
@@ -83,10 +83,10 @@ TEST(Converge, ARampOfPullDrawsTheCurveOfTheSweepAndIsSetDownGently) {
   const std::string soft = std::string(TERRODE_SOURCE_DIR) + "/scenarios/mms_table8.yaml";
   const Output out = run(soft + " --against pull_ramp --slip 0.1,0.2,0.3,0.4 --node-spacing 0.01 --json --quiet");
   ASSERT_EQ(out.status, 0) << out.text;
-  const auto json = nlohmann::json::parse(out.text);
-  EXPECT_EQ(json["compared"].get<int>(), 4) << out.text;
-  EXPECT_LT(json["largest_difference"].get<double>(), 0.02) << out.text;  // of the load
-  EXPECT_LT(json["touchdown_jolt"].get<double>(), 0.1) << out.text;
+  const auto table = nlohmann::json::parse(out.text);
+  EXPECT_EQ(table["compared"].get<int>(), 4) << out.text;
+  EXPECT_LT(table["largest_difference"].get<double>(), 0.02) << out.text;  // of the load
+  EXPECT_LT(table["touchdown_jolt"].get<double>(), 0.1) << out.text;
 }
 
 }  // namespace
