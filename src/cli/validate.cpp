@@ -52,7 +52,10 @@ void validate(const std::vector<std::string>& files, Common& common) {
         const effects::EffectSet effects = scenario::effect_set(d.base);
         // Particles would be settled first; the machine itself is checked on hard ground then.
         scenario::DriveScenario quick = d;
-        if (d.on_particles()) quick.ground = "rigid";
+        if (d.on_particles()) {
+          d.require_particles(effects);
+          quick.ground = "rigid";
+        }
         vehicle::Vehicle(quick.machine, quick.options, quick.make_ground(effects));
       } else {
         const scenario::Scenario s = scenario::load_scenario(file);

@@ -114,11 +114,14 @@ void throw_of_particles(const Scenario& s, Problems problems) {
 
 }  // namespace
 
+void require_liggghts_law(const Scenario& s) {
+  throw_of_particles(s, liggghts::law_problems(particle_law(s), s.particles.approximate));
+}
+
 liggghts::LiggghtsParams liggghts_params(const Scenario& s, int threads, const Progress& progress) {
   liggghts::LiggghtsParams out;
   out.approximate = s.particles.approximate;
-  out.bed = particle_law(s);
-  throw_of_particles(s, liggghts::law_problems(out.bed, out.approximate));  // before a bed is settled for nothing
+  require_liggghts_law(s);  // before a bed is settled for nothing
   out.bed = particle_params(s, threads, progress);
   // A wheel that is pulled may go either way; one whose slip is imposed goes ahead, and as it is set down a little back.
   const double r = s.wheel.radius;

@@ -22,6 +22,9 @@ dem::DemTerrainParams particle_params(const Scenario& scenario, int threads = 1,
 dem::DemWindow particle_window(const Scenario& scenario);
 dem::SizeDistribution particle_sizes(const Scenario& scenario);
 
+// Throws InputError for what of the scenario's law LIGGGHTS cannot express, apart from the approximations that it names.
+void require_liggghts_law(const Scenario& scenario);
+
 // The same for the engine of the method mpi, with the approximations that the scenario names, and as much bed as the rig
 // may travel. Problems are those of the scenario's keys.
 liggghts::LiggghtsParams liggghts_params(const Scenario& scenario, int threads = 1, const Progress& progress = {});

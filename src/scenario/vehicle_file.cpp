@@ -296,22 +296,22 @@ void widen(dem::DemTerrainParams& params, double half) {
   params.tiles_y = std::max(params.tiles_y, static_cast<int>(std::ceil(2.0 * half / params.prism.length)));
 }
 
-}  // namespace
-
-std::unique_ptr<terrain::Terrain> DriveScenario::dem_ground(const Scenario& for_wheel, int threads, const Progress& progress) const {
+// As wide as the machine and a wheel's radius to either side.
+std::unique_ptr<terrain::Terrain> dem_ground(const DriveScenario& drive, const Scenario& for_wheel, int threads, const Progress& progress) {
   dem::DemTerrainParams params = particle_params(for_wheel, threads, progress);
-  widen(params, half_width(machine).along);
+  widen(params, half_width(drive.machine).along);
   return std::make_unique<dem::DemTerrain>(std::move(params));
 }
 
-std::unique_ptr<terrain::Terrain> DriveScenario::mpi_ground(const Scenario& for_wheel, int threads, const Progress& progress) const {
+// Laid at once, as long and wide as the machine is meant to go, and a wheel's radius on.
+std::unique_ptr<terrain::Terrain> mpi_ground(const DriveScenario& drive, const Scenario& for_wheel, int threads, const Progress& progress) {
   liggghts::LiggghtsParams params = liggghts_params(for_wheel, threads, progress);
-  const HalfWidth half = half_width(machine);
-  const bool straight = waypoints.empty() && std::all_of(script.begin(), script.end(), [](const vehicle::Manoeuvre& m) {
+  const HalfWidth half = half_width(drive.machine);
+  const bool straight = drive.waypoints.empty() && std::all_of(drive.script.begin(), drive.script.end(), [](const Manoeuvre& m) {
                           return m.curvature == 0.0 && m.yaw_rate == 0.0;
                         });
   double behind = 0.0, ahead = 0.0, beside = 0.0;
-  for (const Eigen::Vector2d& p : planned_path()) {
+  for (const Eigen::Vector2d& p : drive.planned_path()) {
     behind = std::max(behind, -p.x());
     ahead = std::max(ahead, p.x());
     beside = std::max(beside, std::abs(p.y()) + (straight ? half.along : half.turned));
@@ -322,14 +322,21 @@ std::unique_ptr<terrain::Terrain> DriveScenario::mpi_ground(const Scenario& for_
   return liggghts_ground(for_wheel, std::move(params));
 }
 
+}  // namespace
+
+void DriveScenario::require_particles(const effects::EffectSet& effects) const {
+  if (effects.has_bed())
+    throw InputError({file, 0, 0, "effects", "shape the bed, which particles do not know", "ground: node-spring"});
+  if (ground == "mpi") require_liggghts_law(base);
+}
+
 std::unique_ptr<terrain::Terrain> DriveScenario::make_ground(const effects::EffectSet& effects, int threads, const Progress& progress) const {
   if (ground == "rigid") return std::make_unique<terrain::RigidTerrain>();
   if (on_particles()) {
-    if (effects.has_bed())
-      throw InputError({file, 0, 0, "effects", "shape the bed, which particles do not know", "ground: node-spring"});
+    require_particles(effects);
     Scenario for_wheel = base;
     for_wheel.rig.gravity = options.gravity.norm();
-    return ground == "mpi" ? mpi_ground(for_wheel, threads, progress) : dem_ground(for_wheel, threads, progress);
+    return ground == "mpi" ? mpi_ground(*this, for_wheel, threads, progress) : dem_ground(*this, for_wheel, threads, progress);
   }
   return node_spring_ground(base, effects);
 }

@@ -30,6 +30,8 @@ struct DriveScenario {
   double duration = 60.0;  // s at most
 
   bool on_particles() const { return ground == "dem" || ground == "mpi"; }
+  // Throws InputError for what particles do not know and the engine cannot express; before a bed is settled for nothing.
+  void require_particles(const effects::EffectSet& effects) const;
   // A bed of particles is settled first unless it lies in the cache; throws Interrupted when `progress` asks to stop.
   std::unique_ptr<terrain::Terrain> make_ground(const effects::EffectSet& effects, int threads = 1, const Progress& progress = {}) const;
   std::unique_ptr<vehicle::Controller> make_controller() const;
@@ -37,12 +39,6 @@ struct DriveScenario {
   std::string named_files() const;
   // Where the machine's origin is meant to go [m]: script or waypoints without slip.
   std::vector<Eigen::Vector2d> planned_path() const;
-
- private:
-  // As wide as the machine and a wheel's radius to either side.
-  std::unique_ptr<terrain::Terrain> dem_ground(const Scenario& for_wheel, int threads, const Progress& progress) const;
-  // Laid at once, as long and wide as the machine is meant to go, and a wheel's radius on.
-  std::unique_ptr<terrain::Terrain> mpi_ground(const Scenario& for_wheel, int threads, const Progress& progress) const;
 };
 
 // True where a YAML file has a `vehicle` key: it is a drive, not a rig.

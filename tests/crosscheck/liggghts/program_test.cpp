@@ -43,6 +43,8 @@ TEST_F(MpiProgram, AMachineOnLiggghtsIsRefusedByKeyToo) {
   EXPECT_EQ(run("program run a.yaml"), 2);
   EXPECT_THAT(text("err.txt"), HasSubstr("a.yaml: particles.rolling: is epsd2"));
   EXPECT_FALSE(fs::exists(folder_ / "beds")) << "a bed was settled for nothing";
+  EXPECT_EQ(run("program validate a.yaml"), 2);
+  EXPECT_THAT(text("out.txt"), HasSubstr("a.yaml: particles.rolling: is epsd2"));
 }
 
 TEST_F(MpiProgram, RefusesByKeyWhatIsNotNamed) {
