@@ -11,9 +11,9 @@
 #include <fstream>
 #include <sstream>
 #include <string>
-#include <tuple>
 #include <vector>
 
+#include "../../small_robot.h"
 #include "liggghts/ranks.h"
 
 namespace terrode::liggghts {
@@ -25,21 +25,9 @@ using ::testing::HasSubstr;
 // the environment.
 inline const std::string kOwnMpi = "unset $(env | grep -oE '^(OMPI|PMIX|ORTE|PMI)_[A-Za-z0-9_]*'); export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1";
 
-// A robot of 4 kg on grains so coarse that the test takes seconds; the same law on both grounds.
+// On grains so coarse that a test takes seconds; the same law on both grounds.
 inline std::string robot(const std::string& ground) {
-  std::string wheels;
-  for (const auto& [name, x, y] : {std::tuple{"fl", 0.08, 0.08}, {"fr", 0.08, -0.08}, {"rl", -0.08, 0.08}, {"rr", -0.08, -0.08}}) {
-    std::ostringstream at;
-    at << x << ", " << y;
-    wheels += std::string("    - {name: ") + name + ", parent: frame, centre: [" + at.str() +
-              ", 0.06], mass: 0.25 kg, radius: 60 mm, width: 40 mm, drive: {kind: speed, max_torque: 3 N m}}\n";
-  }
-  return "vehicle:\n"
-         "  name: small-robot\n"
-         "  bodies:\n"
-         "    - {name: frame, mass: 3 kg, position: [0, 0, 0.1], size: [0.2, 0.12, 0.06]}\n"
-         "  wheels:\n" + wheels +
-         "ground: " + ground + "\n"
+  return kSmallRobot + "ground: " + ground + "\n"
          "particles: {smallest: 13 mm, largest: 16 mm, prism: 80 mm, depth: 35 mm, window_ahead: 80 mm, window_behind: 80 mm, young_modulus: 5 MPa, "
          "time_step_fraction: 0.25, rolling: epsd2_unprojected, wheel_rolling_friction: 0}\n"
          "time_step: 1 ms\n"

@@ -10,12 +10,6 @@
 namespace terrode::liggghts {
 namespace {
 
-double mean_of_second_half(const std::vector<double>& v) {
-  double sum = 0.0;
-  for (std::size_t i = v.size() / 2; i < v.size(); ++i) sum += v[i];
-  return sum / static_cast<double>(v.size() - v.size() / 2);
-}
-
 TEST_F(MpiProgram, AMachineDrivesAsOnOurOwnGrains) {
   if (!available()) GTEST_SKIP() << "this build has no LIGGGHTS (libliggghts-dev and libopenmpi-dev)";
   for (const char* ground : {"dem", "mpi"}) {
